@@ -1,0 +1,300 @@
+"""How a signal block is declared: its variables, and functions whose argument names say what they read and write.
+
+A block is a class::
+
+    class Lag(Block):
+        '''First-order lag, T dx/dt = u - x.'''
+
+        u = Input("n", description="signal to be smoothed")
+        x = State("n", output=True, description="smoothed signal")
+        T = Parameter(unit="s", default=1.0, description="time constant")
+
+        def derivatives(u, x, T, d_x):
+            for q in range(x.size):
+                d_x[q] = (u[q] - x[q]) / T
+
+Its functions are plain functions over arrays (no `self`), so they can be called alone, in a test or a notebook. What a
+function *reads* are the variables that it names; what it *writes*, in place, follows from its kind:
+
+=================  ==========================================================================================
+function           writes
+=================  ==========================================================================================
+``calculate``      the calculated parameters that it names, once, before the first step
+``start``          the states that it names, once, from parameters and inputs at time zero
+``outputs…``       the outputs and locals that it names and that no function before it writes; any number of such
+                   functions, so that direct feedthrough is known per output
+``derivatives``    ``d_<state>`` for the continuous states
+``update``         ``next_<state>`` for the discrete states, once a period
+=================  ==========================================================================================
+
+A scalar that is read comes as a number, one that is written as an array of one element. ``time`` (s) may be named by
+any function. Raising an exception (with constant arguments) in a function stops the run and names the block.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cosim.errors import DeclarationError, nearest
+
+Unit = str | tuple[str, ...] | None
+KINDS = ("calculate", "start", "outputs", "derivatives", "update")
+
+
+class Variable:
+    """One declared quantity of a block.
+
+    shape: sizes or names of dimensions, () for a scalar. unit: one for all elements, or one for each element of the
+    first axis, or None where the block does not care. dtype: any numpy number type or bool.
+    """
+
+    causality: ClassVar[str]
+
+    def __init__(
+        self, *shape: int | str, unit: Unit = None, description: str = "", dtype: Any = float, start: Any = None
+    ) -> None:
+        self.name = ""
+        self.shape = shape
+        self.unit = unit
+        self.description = description
+        self.dtype = np.dtype(dtype)
+        self.start = start
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__} {self.name}{list(self.shape)}"
+
+
+class Input(Variable):
+    """A signal that a wire brings; with `start`, it may stay unconnected and holds that value."""
+
+    causality = "input"
+
+
+class Output(Variable):
+    """A signal that other blocks may read. `event`: for a boolean, what to report when it first becomes true."""
+
+    causality = "output"
+
+    def __init__(self, *shape: int | str, event: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.event = event
+
+
+class Local(Variable):
+    """A quantity that recordings and measuring blocks may read, wires may not; also a function's work space."""
+
+    causality = "local"
+
+    def __init__(self, *shape: int | str, event: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.event = event
+
+
+class State(Variable):
+    """A continuous state if `derivatives` writes ``d_<name>``, a discrete one if `update` writes ``next_<name>``.
+
+    With `output=True` it is an output too, one without direct feedthrough; else it is local.
+    """
+
+    def __init__(self, *shape: int | str, output: bool = False, start: Any = 0.0, **more: Any) -> None:
+        super().__init__(*shape, start=start, **more)
+        self.output = output
+
+    @property
+    def causality(self) -> str:  # type: ignore[override]
+        """FMI causality: ``output`` or ``local``."""
+        return "output" if self.output else "local"
+
+
+class Parameter(Variable):
+    """A value fixed before the run; without a default, a diagram has to set it."""
+
+    causality = "parameter"
+
+    def __init__(self, *shape: int | str, default: Any = None, **more: Any) -> None:
+        super().__init__(*shape, start=default, **more)
+
+
+class CalculatedParameter(Variable):
+    """A value that `calculate` computes once from the parameters."""
+
+    causality = "calculatedParameter"
+
+
+@dataclass
+class Dimension:
+    """A named dimension with a default size; names used in shapes without this are solved from the wiring."""
+
+    default: int
+    description: str = ""
+
+
+@dataclass
+class Rule:
+    """A condition on a block's parameters: violated, it is an error, or a warning where `warning` is set.
+
+    The function may name parameters, dimensions and inputs (which come as the `Source` at the other end of the
+    wire), and returns whether the rule holds, or that and a text with its numbers.
+    """
+
+    text: str
+    source: str
+    function: Callable[..., bool | tuple[bool, str]]
+    warning: bool = False
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What the rule's function names."""
+        return tuple(inspect.signature(self.function).parameters)
+
+
+def rule(text: str, source: str = "") -> Callable[[Callable[..., Any]], Rule]:
+    """Decorate a function of parameters as a rule that every diagram has to keep."""
+    return lambda function: Rule(text, source, function)
+
+
+def condition(text: str, source: str = "") -> Callable[[Callable[..., Any]], Rule]:
+    """Decorate a function as a condition of a theorem: `cosim check` shows its numbers and warns where it fails."""
+    return lambda function: Rule(text, source, function, warning=True)
+
+
+@dataclass(frozen=True)
+class Function:
+    """One function of a block with what it reads and writes, in the order of its arguments."""
+
+    name: str
+    kind: str
+    python: Callable[..., None]
+    arguments: tuple[str, ...]
+    writes: frozenset[str]
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The variables (and `time`) that the function reads."""
+        return tuple(a for a in self.arguments if a not in self.writes)
+
+
+@dataclass
+class Declaration:
+    """All that a block class says of itself."""
+
+    name: str
+    doc: str
+    variables: dict[str, Variable] = field(default_factory=dict)
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
+    functions: tuple[Function, ...] = ()
+    rules: tuple[Rule, ...] = ()
+    measuring: bool = False
+    compiled: bool = True
+
+    def of(self, *classes: type[Variable]) -> Iterator[Variable]:
+        """The variables of the given classes, in the order of their declaration."""
+        return (v for v in self.variables.values() if isinstance(v, classes))
+
+    def kind(self, kind: str) -> tuple[Function, ...]:
+        """The functions of one kind, in the order of their definition."""
+        return tuple(f for f in self.functions if f.kind == kind)
+
+    def writer(self, name: str) -> Function | None:
+        """The `outputs` function that computes an output or local; None for a state."""
+        return next((f for f in self.kind("outputs") if name in f.writes), None)
+
+    def continuous(self) -> list[State]:
+        """The states that `derivatives` drives."""
+        driven = {a for f in self.kind("derivatives") for a in f.writes}
+        return [s for s in self.of(State) if f"d_{s.name}" in driven]  # type: ignore[misc]
+
+    def discrete(self) -> list[State]:
+        """The states that `update` drives."""
+        driven = {a for f in self.kind("update") for a in f.writes}
+        return [s for s in self.of(State) if f"next_{s.name}" in driven]  # type: ignore[misc]
+
+
+class Block:
+    """Base class of all blocks; see the module's text. ``class B(Block, compiled=False)`` stays plain Python."""
+
+    declaration: ClassVar[Declaration] = Declaration("Block", "")
+
+    def __init_subclass__(cls, compiled: bool = True, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        cls.declaration = _declare(cls, compiled)
+
+
+class Measure(Block):
+    """Base class of measuring blocks: their inputs may tap local variables, and only measures may read their outputs."""
+
+
+def _declare(cls: type[Block], compiled: bool) -> Declaration:
+    members: dict[str, Any] = {}
+    for base in reversed(cls.__mro__):
+        members.update(vars(base))
+    declaration = Declaration(
+        name=cls.__name__,
+        doc=inspect.cleandoc(cls.__doc__ or ""),
+        variables={k: v for k, v in members.items() if isinstance(v, Variable)},
+        dimensions={k: v for k, v in members.items() if isinstance(v, Dimension)},
+        rules=tuple(v for v in members.values() if isinstance(v, Rule)),
+        measuring="Measure" in {base.__name__ for base in cls.__mro__[1:]},
+        compiled=compiled,
+    )
+    written: set[str] = set()
+    functions = []
+    for name, member in members.items():
+        kind = next((k for k in KINDS if name == k or (k == "outputs" and name.startswith("outputs_"))), None)
+        if kind is None:
+            continue
+        python = member.__func__ if isinstance(member, staticmethod) else member
+        functions.append(_function(declaration, name, kind, python, written))
+        setattr(cls, name, staticmethod(python))
+    declaration.functions = tuple(functions)
+    _check_complete(declaration)
+    return declaration
+
+
+def _function(declaration: Declaration, name: str, kind: str, python: Any, written: set[str]) -> Function:
+    """Read a function's signature; `written` gathers what the functions before it write."""
+    arguments = tuple(inspect.signature(python).parameters)
+    writes = set()
+    for argument in arguments:
+        prefix, _, state = argument.partition("_")
+        derived = {"derivatives": "d", "update": "next"}.get(kind) == prefix and argument not in declaration.variables
+        if derived and isinstance(declaration.variables.get(state), State):
+            writes.add(argument)
+        elif argument in declaration.variables:
+            variable = declaration.variables[argument]
+            target = {"calculate": CalculatedParameter, "start": State, "outputs": (Output, Local)}.get(kind)
+            if target and isinstance(variable, target) and argument not in written:
+                writes.add(argument)
+        elif argument != "time":
+            known = [*declaration.variables, "time"]
+            message = f"block {declaration.name}: {name}() names `{argument}`, which the block does not declare"
+            raise DeclarationError(message, fix=nearest(argument, known))
+    written |= writes
+    return Function(name, kind, python, arguments, frozenset(writes))
+
+
+def _check_complete(declaration: Declaration) -> None:
+    """Everything that the block computes is computed by exactly one function.
+
+    Raises: DeclarationError.
+    """
+    states = {s.name for s in declaration.of(State)}
+    continuous, discrete = ({s.name for s in part} for part in (declaration.continuous(), declaration.discrete()))
+    for name in states:
+        if (name in continuous) == (name in discrete):
+            message = f"block {declaration.name}: state `{name}` needs either derivatives or an update"
+            raise DeclarationError(message, fix=f"name d_{name} in derivatives() or next_{name} in update()")
+    for kind, classes in (("outputs", (Output, Local)), ("calculate", (CalculatedParameter,))):
+        computed = [name for f in declaration.kind(kind) for name in f.writes]
+        for variable in declaration.of(*classes):
+            if computed.count(variable.name) != 1:
+                message = f"block {declaration.name}: no {kind}() function computes `{variable.name}`"
+                raise DeclarationError(message, fix=f"name `{variable.name}` as an argument of {kind}()")

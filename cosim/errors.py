@@ -1,0 +1,189 @@
+"""Typed errors, one class for each mistake, each knowing where in the YAML it was made and the usual fix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+
+@dataclass(frozen=True)
+class Position:
+    """A place in a text file; line and column count from 1."""
+
+    file: str
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+
+class CosimError(Exception):
+    """Anything that a user of the framework can put right: what is wrong, where, and the usual fix."""
+
+    def __init__(self, message: str, position: Position | None = None, fix: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.position = position
+        self.fix = fix
+
+    def __str__(self) -> str:
+        where = f"{self.position}: " if self.position else ""
+        fix = f"\n    fix: {self.fix}" if self.fix else ""
+        return f"{where}{self.message}{fix}"
+
+
+class DiagramErrors(CosimError):
+    """All mistakes found in one diagram, in the order of their places."""
+
+    def __init__(self, errors: Iterable[CosimError]) -> None:
+        self.errors = list(errors)
+        super().__init__("\n".join(str(error) for error in self.errors))
+
+
+class YamlSyntaxError(CosimError):
+    """The file is not well-formed YAML."""
+
+
+class DuplicateKey(CosimError):
+    """A mapping has the same key twice."""
+
+
+class MissingFile(CosimError):
+    """A file that the diagram or the command line names does not exist or cannot be read."""
+
+
+class CircularExtends(CosimError):
+    """An overlay extends itself, at once or through others."""
+
+
+class UnknownKey(CosimError):
+    """A key that the diagram's grammar does not have at this place."""
+
+
+class MissingKey(CosimError):
+    """A key that the diagram's grammar requires at this place."""
+
+
+class WrongType(CosimError):
+    """A value of the wrong kind: text where a number is needed, a list where a mapping is needed."""
+
+
+class WrongValue(CosimError):
+    """A value of the right kind that is out of its range, such as a step of zero."""
+
+
+class ExpressionError(CosimError):
+    """An arithmetic expression that cannot be read or evaluated."""
+
+
+class UnknownSetting(CosimError):
+    """A --set, --swap or similar option that names nothing in the diagram."""
+
+
+class UnknownBlock(CosimError):
+    """A block type that no library has."""
+
+
+class BlockImportError(CosimError):
+    """A Python file of blocks that cannot be imported."""
+
+
+class DeclarationError(CosimError):
+    """A block class whose declaration contradicts itself."""
+
+
+class UnknownPort(CosimError):
+    """An input, output or variable that the block does not have."""
+
+
+class UnknownParameter(CosimError):
+    """A parameter or start value that the block does not have."""
+
+
+class MissingParameter(CosimError):
+    """A parameter without a default that the diagram does not set."""
+
+
+class UnconnectedInput(CosimError):
+    """An input with neither a source nor a start value."""
+
+
+class NotWirable(CosimError):
+    """A wire from a local variable or a measuring block, which only recordings and measuring blocks may read."""
+
+
+class WrongShape(CosimError):
+    """A signal or value whose shape does not fit the port, parameter or state."""
+
+
+class UnsolvedDimension(CosimError):
+    """A named dimension that neither wires nor values determine."""
+
+
+class WrongUnit(CosimError):
+    """A wire between two ports whose units differ."""
+
+
+class WrongDataType(CosimError):
+    """A wire between two ports whose data types differ."""
+
+
+class TwoDrivers(CosimError):
+    """One port driven by two sources."""
+
+
+class UnknownFleet(CosimError):
+    """A `per:` that names no fleet."""
+
+
+class FleetMismatch(CosimError):
+    """A list for each member of a fleet whose length is not the fleet's size."""
+
+
+class AlgebraicLoop(CosimError):
+    """Outputs that depend on each other at the same instant."""
+
+
+class RuleViolation(CosimError):
+    """A parameter that breaks a rule stated by its block."""
+
+
+class KernelError(CosimError):
+    """A function of a block that the compiler cannot turn into a kernel."""
+
+
+class ResultError(CosimError):
+    """A result file that cannot be written or read."""
+
+
+class MetricError(CosimError):
+    """A metric whose signal, reduction or time window does not make sense."""
+
+
+def nearest(name: str, known: Iterable[str], lead: str = "did you mean") -> str:
+    """The usual fix for a misspelt name: the nearest known one, else all of them."""
+    names = sorted(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"{lead} `{close[0]}`?"
+    return f"one of: {', '.join(names)}" if names else ""
+
+
+class Problems:
+    """Collects mistakes, so that all of a file are reported in one go."""
+
+    def __init__(self) -> None:
+        self.errors: list[CosimError] = []
+
+    def add(self, error: CosimError) -> None:
+        """Keep one mistake; the mistakes inside a `DiagramErrors` are kept one by one."""
+        found = error.errors if isinstance(error, DiagramErrors) else [error]
+        self.errors.extend(e for e in found if str(e) not in {str(known) for known in self.errors})
+
+    def raise_if_any(self) -> None:
+        """Raise `DiagramErrors` with all mistakes in the order of file, line and column."""
+        if self.errors:
+            place = lambda e: (e.position.file, e.position.line, e.position.column) if e.position else ("", 0, 0)  # noqa: E731
+            raise DiagramErrors(sorted(self.errors, key=place))
