@@ -218,21 +218,7 @@ class Declaration:
         return [s for s in self.of(State) if f"next_{s.name}" in driven]  # type: ignore[misc]
 
 
-class Block:
-    """Base class of all blocks; see the module's text. ``class B(Block, compiled=False)`` stays plain Python."""
-
-    declaration: ClassVar[Declaration] = Declaration("Block", "")
-
-    def __init_subclass__(cls, compiled: bool = True, **more: Any) -> None:
-        super().__init_subclass__(**more)
-        cls.declaration = _declare(cls, compiled)
-
-
-class Measure(Block):
-    """Base class of measuring blocks: their inputs may tap local variables, and only measures may read their outputs."""
-
-
-def _declare(cls: type[Block], compiled: bool) -> Declaration:
+def _declare(cls: Any, compiled: bool) -> Declaration:
     members: dict[str, Any] = {}
     for base in reversed(cls.__mro__):
         members.update(vars(base))
@@ -242,7 +228,7 @@ def _declare(cls: type[Block], compiled: bool) -> Declaration:
         variables={k: v for k, v in members.items() if isinstance(v, Variable)},
         dimensions={k: v for k, v in members.items() if isinstance(v, Dimension)},
         rules=tuple(v for v in members.values() if isinstance(v, Rule)),
-        measuring="Measure" in {base.__name__ for base in cls.__mro__[1:]},
+        measuring=cls.measuring,
         compiled=compiled,
     )
     written: set[str] = set()
@@ -298,3 +284,20 @@ def _check_complete(declaration: Declaration) -> None:
             if computed.count(variable.name) != 1:
                 message = f"block {declaration.name}: no {kind}() function computes `{variable.name}`"
                 raise DeclarationError(message, fix=f"name `{variable.name}` as an argument of {kind}()")
+
+
+class Block:
+    """Base class of all blocks; see the module's text. ``class B(Block, compiled=False)`` stays plain Python."""
+
+    declaration: ClassVar[Declaration] = Declaration("Block", "")
+    measuring: ClassVar[bool] = False
+
+    def __init_subclass__(cls, compiled: bool = True, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        cls.declaration = _declare(cls, compiled)
+
+
+class Measure(Block):
+    """Base class of measuring blocks: their inputs may tap local variables, and only measures may read their outputs."""
+
+    measuring = True
