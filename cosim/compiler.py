@@ -1,0 +1,165 @@
+"""Python functions -> LLVM IR -> object code, without running anything. The one file that drives numba.
+
+numba's ahead-of-time code generator is internal API (hence the version bounds in pyproject.toml): it gives IR that
+was never run, so that the same text can become object code for this machine and for an exported FMU's platforms.
+"""
+
+from __future__ import annotations
+
+import re
+import types as python_types
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import llvmlite.binding as llvm
+
+from cosim import memory, native
+from cosim.errors import KernelError
+
+if TYPE_CHECKING:
+    from cosim.kernels import Source
+
+#: Functions of the C library that object code may call; anything else would need a run time of numba's.
+LIBC = frozenset(
+    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10 log1p pow sqrt "
+    "cbrt hypot floor ceil trunc rint round fabs fmod erf erfc tgamma lgamma ldexp frexp fma fmin fmax sincos memset "
+    "memcpy memmove nearbyint copysign modf".split()
+)
+
+
+def compile_object(name: str, sources: Iterable[Source]) -> bytes:
+    """Object code of the sources for this machine. Raises: KernelError."""
+    triple, cpu, features = native.host()
+    return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
+
+
+def compile_ir(name: str, sources: Iterable[Source]) -> str:
+    """LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: KernelError."""
+    from numba import types
+    from numba.core.compiler import Flags, compile_extra
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.registry import cpu_target
+    from numba.core.runtime import nrtdynmod
+
+    signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
+    flags = Flags()
+    flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
+    flags.error_model = "numpy"
+    with global_compiler_lock:
+        context = cpu_target.target_context.with_aot_codegen(name)
+        library = context.codegen().create_library(name)
+        # numba's array views are typed with a reference count; its code is dropped again where nothing allocates.
+        runtime, _ = nrtdynmod.create_nrt_module(context)
+        library.add_ir_module(runtime)
+        jitted: dict[int, Any] = {}
+        for source in sources:
+            adapter = _with_jitted_globals(source.build(), jitted)
+            try:
+                result = compile_extra(
+                    cpu_target.typing_context, context, adapter, signature, types.int32, flags, locals={}, library=library
+                )
+            except Exception as error:
+                raise _explain(error, f"{name}: {source.symbol}()") from error
+            library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
+        library.finalize()
+        return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+
+
+#: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status.
+_SHIM = """
+define i32 @{symbol}(double %time, ptr %base, ptr %frame) {{
+  %result = alloca i32
+  %record = alloca ptr
+  store ptr null, ptr %record
+  %raised = call i32 @{symbol}.numba(ptr %result, ptr %record, double %time, ptr %base, ptr %frame)
+  %ok = icmp eq i32 %raised, 0
+  br i1 %ok, label %returned, label %failed
+returned:
+  %status = load i32, ptr %result
+  ret i32 %status
+failed:
+  %fault = load ptr, ptr %record
+  store ptr %fault, ptr %frame
+  ret i32 3
+}}
+"""
+
+
+def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str) -> bytes:
+    """Optimised object code of an IR text for any triple; all symbols but `keep` become private.
+
+    Raises: KernelError where the code needs more than the C library, with the missing symbol's name.
+    """
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    target = llvm.Target.from_triple(triple)
+    machine = target.create_target_machine(cpu=cpu, features=features, opt=3, reloc="pic", codemodel="default")
+    ir = re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.M)
+    module = llvm.parse_assembly(f'target datalayout = "{machine.target_data}"\ntarget triple = "{triple}"\n{ir}')
+    kept = set(keep)
+    for value in (*module.functions, *module.global_variables):
+        if not value.is_declaration and value.name not in kept:
+            value.linkage = "internal"
+            value.visibility = "default"
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = tuning.slp_vectorization = True
+    builder = llvm.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    _refuse_foreign(module, name)
+    return machine.emit_object(module)
+
+
+def _refuse_foreign(module: Any, name: str) -> None:
+    undefined = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
+    foreign = sorted(n for n in undefined if not n.startswith("llvm.") and n not in LIBC)
+    if foreign:
+        why = "it allocates memory" if any("NRT" in n or "nrt" in n for n in foreign) else "it is not in the C library"
+        raise KernelError(
+            f"{name} cannot be a kernel: it needs `{foreign[0]}` ({why})",
+            fix="write results in place, declare work space as Local, or declare the class with `compiled=False`",
+        )
+
+
+def _with_jitted_globals(function: Callable[..., Any], jitted: dict[int, Any]) -> Callable[..., Any]:
+    """A copy of a function whose plain-Python helpers are compiled and whose memory access is machine code."""
+    from numba import njit
+
+    from cosim import intrinsics
+
+    scope = dict(function.__globals__)
+    for name in _names(function.__code__):
+        value = scope.get(name)
+        if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
+            continue
+        if value.__module__ == memory.__name__:
+            value = getattr(intrinsics, value.__name__)
+            if not isinstance(value, python_types.FunctionType):
+                scope[name] = value
+                continue
+        if id(value) not in jitted:
+            jitted[id(value)] = None
+            jitted[id(value)] = njit(error_model="numpy")(_with_jitted_globals(value, jitted))
+        if jitted[id(value)] is None:
+            raise KernelError(f"{name}() calls itself", fix="write the recursion as a loop")
+        scope[name] = jitted[id(value)]
+    copy = python_types.FunctionType(
+        function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__module__ = function.__module__
+    return copy
+
+
+def _names(code: python_types.CodeType) -> set[str]:
+    inner = (c for c in code.co_consts if isinstance(c, python_types.CodeType))
+    return set(code.co_names).union(*(_names(c) for c in inner))
+
+
+def _explain(error: Exception, name: str) -> KernelError:
+    """The compiler's message, cut to what an author can use."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    place = next((line for line in lines if line.startswith("File ")), "")
+    text = next((line for line in lines if not line.startswith(("Failed in", "During:"))), type(error).__name__)
+    return KernelError(
+        f"{name} cannot be compiled: {text} {place}".rstrip(),
+        fix="write results in place with loops and `math`, or declare the class with `compiled=False`",
+    )

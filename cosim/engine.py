@@ -1,0 +1,221 @@
+"""The master's loop: walks a table of operations over an arena, and knows no diagram.
+
+One source, two engines: compiled by `cosim.compiler` it calls kernels by address; as plain Python it calls the authors'
+functions (see `cosim.memory`). Nothing here allocates, takes a lock, or returns before the steps asked for are done,
+a call's status is worse than a warning, or a state is not finite. Time is an integer count of steps.
+
+All tables are rows of 64-bit words. `base` is the arena's address, offsets in the tables are bytes from it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim.memory import call, reals_at, words_at
+
+# Status of a call and of a run: FMI's, and one more.
+OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
+
+# An operation: kind, three operands, done every so many steps, at the step's begin (0) or end (1), and its block.
+OPERATION_WORDS = 8
+KIND, A, B, C, EVERY, AT_END, BLOCK = range(7)
+CALL, COPY, INTEGRATE = range(3)  # operands: function, frame | to, from, words | bank
+
+# A bank of states that are integrated together: its part of the state vector, whether stages are written in place,
+# method, inner steps, and the operations that give the derivatives: from published values (first), from the stage's.
+BANK_WORDS = 9
+BEGIN, END, IN_PLACE, METHOD, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END = range(9)
+EULER, RK4 = range(2)
+
+# A group of probes that are copied to a buffer every so many steps: [step, probed words…] a row.
+GROUP_WORDS = 6
+GROUP_EVERY, PROBES_BEGIN, PROBES_END, ROW_WORDS, FILLED, BUFFER = range(6)
+PROBE_WORDS = 2  # offset, words
+
+# The control block: what a caller hands over, and what it gets back.
+CONTROL_WORDS = 32
+(
+    OPERATIONS,
+    BANKS,
+    FUNCTIONS,
+    GROUPS,
+    PROBES,
+    N_OPERATIONS,
+    N_BANKS,
+    N_FUNCTIONS,
+    N_GROUPS,
+    N_PROBES,
+    STATES,  # size of the state vector
+    X,  # the published states
+    W,  # the states of the stage that is being evaluated
+    START,  # the states at the start of an inner step
+    SUM,  # the weighted sum of the stages' derivatives
+    D,  # derivatives
+    POINT_BEGIN,  # operations at a communication point
+    POINT_END,
+    BETWEEN_BEGIN,  # operations between two communication points
+    BETWEEN_END,
+    STEP,  # the step that is being done; the caller sets the first
+    LAST,  # the step before which to stop
+    FINAL,  # whether to evaluate and probe at LAST too
+    AT,  # the operation that is being done
+    ELEMENT,  # the state that is not finite
+    WARNINGS,  # how many calls returned a warning
+) = range(26)
+
+_EXPONENT = 0x7FF0000000000000
+
+
+def run(step: float, base: int, control: int) -> int:
+    """Do the steps STEP … LAST-1 of the control block; step: communication step (s). Returns the status."""
+    c = words_at(control, CONTROL_WORDS)
+    while c[STEP] < c[LAST]:
+        k = c[STEP]
+        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, k * step, step)
+        if status > WARNING:
+            return status
+        probe(c, base, k)
+        status = advance(c, base, k, step)
+        if status > WARNING:
+            return status
+        c[STEP] = k + 1
+        if not is_finite(c, base):
+            return NON_FINITE
+    if c[FINAL] != 0:
+        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], c[STEP], c[STEP] * step, step)
+        if status > WARNING:
+            return status
+        probe(c, base, c[STEP])
+    return OK
+
+
+def execute(time: float, base: int, control: int) -> int:
+    """Do the operations POINT_BEGIN … POINT_END-1 once, at a time (s); for the initialization. Returns the status."""
+    c = words_at(control, CONTROL_WORDS)
+    return operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, 0.0)
+
+
+def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, step: float) -> int:
+    """Do calls and copies in order, as of step k and a time (s)."""
+    operations = words_at(c[OPERATIONS], c[N_OPERATIONS] * OPERATION_WORDS)
+    functions = words_at(c[FUNCTIONS], c[N_FUNCTIONS])
+    for o in range(begin, end):
+        p = o * OPERATION_WORDS
+        every = operations[p + EVERY]
+        if every != 1 and k % every != 0:
+            continue
+        c[AT] = o
+        if operations[p + KIND] == CALL:
+            now = time + step if operations[p + AT_END] != 0 else time
+            status = call(functions[operations[p + A]], now, base, base + operations[p + B])
+            if status != OK:
+                if status > WARNING:
+                    return status
+                c[WARNINGS] += 1
+        else:
+            n = operations[p + C]
+            to, source = words_at(base + operations[p + A], n), words_at(base + operations[p + B], n)
+            for j in range(n):
+                to[j] = source[j]
+    return OK
+
+
+def advance(c: Any, base: int, k: int, step: float) -> int:
+    """Do what stands between the communication points k and k+1: integrations, slaves' steps, copies."""
+    operations = words_at(c[OPERATIONS], c[N_OPERATIONS] * OPERATION_WORDS)
+    for o in range(c[BETWEEN_BEGIN], c[BETWEEN_END]):
+        if operations[o * OPERATION_WORDS + KIND] == INTEGRATE:
+            status = integrate(c, base, operations[o * OPERATION_WORDS + A], k, step)
+        else:
+            status = operate(c, base, o, o + 1, k, k * step, step)
+        if status > WARNING:
+            return status
+    return OK
+
+
+def integrate(c: Any, base: int, bank: int, k: int, step: float) -> int:
+    """Integrate one bank over one communication step with its own method and number of inner steps."""
+    b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
+    begin, end, inner_steps = b[BEGIN], b[END], b[INNER_STEPS]
+    n = c[STATES]
+    x = reals_at(base + c[X], n)
+    w = x if b[IN_PLACE] != 0 else reals_at(base + c[W], n)
+    d = reals_at(base + c[D], n)
+    h = step / inner_steps
+    for s in range(inner_steps):
+        time = k * step + s * h
+        if s == 0:
+            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, 0.0)
+        else:
+            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, 0.0)
+        if status > WARNING:
+            return status
+        origin = x if s == 0 else w
+        if b[METHOD] == EULER:
+            for j in range(begin, end):
+                w[j] = origin[j] + h * d[j]
+        else:
+            status = finish_rk4(c, base, b, origin, w, d, k, time, h)
+            if status > WARNING:
+                return status
+    return OK
+
+
+def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
+    """The classical Runge-Kutta step whose first stage's derivatives are already in `d`."""
+    n = c[STATES]
+    start, total = reals_at(base + c[START], n), reals_at(base + c[SUM], n)
+    begin, end = b[BEGIN], b[END]
+    for j in range(begin, end):
+        start[j] = origin[j]
+        total[j] = d[j]
+        w[j] = start[j] + 0.5 * h * d[j]
+    for stage in range(1, 4):
+        offset = h if stage == 3 else 0.5 * h
+        status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, 0.0)
+        if status > WARNING:
+            return status
+        weight = 1.0 if stage == 3 else 2.0
+        ahead = h if stage == 2 else 0.5 * h
+        for j in range(begin, end):
+            total[j] += weight * d[j]
+            w[j] = start[j] + ahead * d[j]
+    for j in range(begin, end):
+        w[j] = start[j] + h / 6.0 * total[j]
+    return OK
+
+
+def probe(c: Any, base: int, k: int) -> None:
+    """Copy the probed signals of every group that is due at step k to its buffer."""
+    groups = words_at(c[GROUPS], c[N_GROUPS] * GROUP_WORDS)
+    probes = words_at(c[PROBES], c[N_PROBES] * PROBE_WORDS)
+    for g in range(0, c[N_GROUPS] * GROUP_WORDS, GROUP_WORDS):
+        if k % groups[g + GROUP_EVERY] != 0:
+            continue
+        words = groups[g + ROW_WORDS]
+        row = words_at(groups[g + BUFFER] + groups[g + FILLED] * words * 8, words)
+        row[0] = k
+        at = 1
+        for p in range(groups[g + PROBES_BEGIN], groups[g + PROBES_END]):
+            n = probes[p * PROBE_WORDS + 1]
+            source = words_at(base + probes[p * PROBE_WORDS], n)
+            for j in range(n):
+                row[at + j] = source[j]
+            at += n
+        groups[g + FILLED] += 1
+
+
+def is_finite(c: Any, base: int) -> bool:
+    """Whether all published states are finite; else ELEMENT names the first that is not."""
+    n = c[STATES]
+    bits = words_at(base + c[X], n)
+    bad = 0
+    for j in range(n):
+        bad |= (bits[j] & _EXPONENT) == _EXPONENT
+    if bad == 0:
+        return True
+    for j in range(n):
+        if (bits[j] & _EXPONENT) == _EXPONENT:
+            c[ELEMENT] = j
+            return False
+    return True

@@ -1,0 +1,100 @@
+"""What `cosim.memory` means in compiled code: loads, array views and calls at run-time addresses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+array = carray
+BYTES = types.CPointer(types.uint8)
+NUMBERS = {name: getattr(types, name) for name in ("float64", "float32", "int8", "int16", "int32", "int64")}
+NUMBERS |= {name: getattr(types, name) for name in ("uint8", "uint16", "uint32", "uint64")} | {"bool": types.boolean}
+
+
+def _pointer(number: Any) -> Any:
+    """An intrinsic: the typed pointer at `base + offset`."""
+    kind = types.CPointer(number)
+
+    @intrinsic
+    def pointer(context: Any, base: Any, offset: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(builder.gep(arguments[0], [arguments[1]]), context.get_value_type(kind))
+
+        return kind(BYTES, types.int64), generate
+
+    return pointer
+
+
+def _load(number: Any) -> Any:
+    """An intrinsic: the number stored at `base + offset`."""
+
+    @intrinsic
+    def load(context: Any, base: Any, offset: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            place = builder.gep(arguments[0], [arguments[1]])
+            data = builder.bitcast(place, context.get_data_type(number).as_pointer())
+            return context.data_model_manager[number].from_data(builder, builder.load(data))
+
+        return number(BYTES, types.int64), generate
+
+    return load
+
+
+for _name, _number in NUMBERS.items():
+    globals()[f"pointer_{_name}"] = _pointer(_number)
+    globals()[f"load_{_name}"] = _load(_number)
+
+
+def _view(number: Any, code: Any) -> Any:
+    @intrinsic
+    def pointer_at(context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], code.as_pointer())
+
+        return types.CPointer(number)(types.int64), generate
+
+    return pointer_at
+
+
+word_pointer = _view(types.int64, ir.IntType(64))
+real_pointer = _view(types.float64, ir.DoubleType())
+byte_pointer = _view(types.uint8, ir.IntType(8))
+
+
+def words_at(address: int, size: int) -> np.ndarray:
+    """`cosim.memory.words_at`, compiled."""
+    return carray(word_pointer(address), (size,))
+
+
+def reals_at(address: int, size: int) -> np.ndarray:
+    """`cosim.memory.reals_at`, compiled."""
+    return carray(real_pointer(address), (size,))
+
+
+@intrinsic
+def call(context: Any, function: Any, time: Any, base: Any, frame: Any) -> Any:
+    """`cosim.memory.call`, compiled: an indirect C call."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        byte, word = cgutils.voidptr_t, ir.IntType(64).as_pointer()
+        kind = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), byte, word])
+        target = builder.inttoptr(arguments[0], kind.as_pointer())
+        values = [arguments[1], builder.inttoptr(arguments[2], byte), builder.inttoptr(arguments[3], word)]
+        return builder.call(target, values)
+
+    return types.int32(types.int64, types.float64, types.int64, types.int64), generate
+
+
+@intrinsic
+def address_of(context: Any, pointer: Any) -> Any:
+    """The address that a pointer holds."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.ptrtoint(arguments[0], ir.IntType(64))
+
+    return types.int64(pointer), generate
