@@ -1,0 +1,218 @@
+"""A diagram as YAML says it: read, checked against the grammar, with the diagrams inside it unfolded.
+
+What blocks, ports and parameters mean is not known here: that is the wiring's concern.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cosim import grammar, source
+from cosim.embedding import Network, read_network
+from cosim.entry import BlockEntry
+from cosim.errors import (
+    CosimError,
+    DiagramErrors,
+    MetricError,
+    MissingKey,
+    Position,
+    Problems,
+    WrongType,
+    WrongValue,
+)
+from cosim.grammar import Reader
+from cosim.overlay import apply_settings, apply_swaps, read_layers
+from cosim.source import Node, describe
+
+__all__ = ["BlockEntry", "Diagram", "MetricEntry", "Record", "RunSettings", "load"]
+
+
+@dataclass
+class RunSettings:
+    """How long (s), in what steps (s) and by what method a diagram runs; `nodes` has what YAML says of each."""
+
+    stop: float = math.nan
+    step: float = math.nan
+    method: str = "jacobi"
+    integrator: str = "euler"
+    inner_steps: int = 1
+    nodes: dict[str, Node] = field(default_factory=dict)
+
+    @property
+    def steps(self) -> int:
+        """The number of communication steps up to `stop`."""
+        return grammar.multiple(self.stop, self.step) or 0
+
+
+@dataclass
+class Record:
+    """Which signals (`block.port`) are recorded, and how often (s)."""
+
+    period: float
+    signals: list[Node]
+    position: Position
+
+
+@dataclass
+class MetricEntry:
+    """A reduction of a signal (`block.port`) over the window from `start` to `stop` (s)."""
+
+    name: str
+    signal: Node
+    reduce: str
+    start: float
+    stop: float
+    position: Position
+
+    def plain(self) -> dict[str, Any]:
+        """The entry without places, as YAML has it."""
+        window = {"from": self.start, "to": self.stop}
+        finite = {key: value for key, value in window.items() if math.isfinite(value)}
+        return {"signal": self.signal.value, "reduce": self.reduce, **finite}
+
+
+@dataclass
+class Diagram:
+    """A whole diagram, diagrams inside it unfolded (their blocks are called `outer/inner`).
+
+    inputs: the ports that each input of the diagram drives where it is a block of another; outputs: the port that each
+    output shows. files: all that were read, the diagram's own first.
+    """
+
+    title: str
+    path: Path
+    files: list[Path]
+    run: RunSettings
+    fleets: dict[str, int]
+    blocks: dict[str, BlockEntry]
+    record: Record | None
+    metrics: dict[str, MetricEntry]
+    inputs: dict[str, list[Node]]
+    outputs: dict[str, Node]
+
+    def resolved(self) -> str:
+        """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
+        sections: dict[str, Any] = {
+            "title": self.title,
+            "run": {key: getattr(self.run, key) for key in grammar.DIAGRAM["run"]},
+            "fleets": self.fleets,
+            "blocks": {name: entry.plain(self.path.parent) for name, entry in self.blocks.items()},
+            "metrics": {name: metric.plain() for name, metric in self.metrics.items()},
+            "inputs": {name: [node.value for node in nodes] for name, nodes in self.inputs.items()},
+            "outputs": {name: node.value for name, node in self.outputs.items()},
+        }
+        if self.record:
+            sections["record"] = {"period": self.record.period, "signals": [n.value for n in self.record.signals]}
+        return source.dump({key: value for key, value in sections.items() if value})
+
+
+def load(
+    path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = (), problems: Problems | None = None
+) -> Diagram:
+    """Read a diagram; `settings` as of --set, `swaps` as of --swap.
+
+    With `problems`, mistakes are collected there, and the diagram is returned as far as it can be understood.
+    Raises: DiagramErrors with all mistakes; with `problems`, only if one of its files cannot be read at all.
+    """
+    found = Problems() if problems is None else problems
+    try:
+        tree, files = read_layers(Path(path), found)
+    except CosimError as error:
+        found.add(error)
+        raise DiagramErrors(found.errors) from None
+    tree = apply_settings(apply_swaps(tree, swaps, found), settings, found)
+    diagram = _build(grammar.conform(tree, found), files, Reader(found))
+    if problems is None:
+        found.raise_if_any()
+    return diagram
+
+
+def _build(tree: Node, files: list[Path], reader: Reader) -> Diagram:
+    """The diagram of a tree that conforms to the grammar."""
+    path = files[0]
+    network = read_network(tree, path, files, reader)
+    sections = {key: node.value for key, node in tree.value.items()}
+    run = _run(tree, reader)
+    fleets = {name: reader.count(node, f"fleets.{name}") for name, node in sections.get("fleets", {}).items()}
+    for entry in network.blocks.values():
+        period = entry.period
+        if period and not _is_multiple(period, f"blocks.{entry.name}.period", period.value, run.step, reader):
+            entry.period = None
+    title = reader.text(tree.value["title"], "title") if "title" in tree.value else path.stem
+    record = _record(tree.value["record"], network, run, reader) if "record" in tree.value else None
+    metrics = {name: _metric(name, node, network, reader) for name, node in sections.get("metrics", {}).items()}
+    known = {name: metric for name, metric in metrics.items() if metric}
+    return Diagram(title, path, files, run, fleets, network.blocks, record, known, network.inputs, network.outputs)
+
+
+def _run(tree: Node, reader: Reader) -> RunSettings:
+    """The run's settings; `stop` is a whole number of steps."""
+    section = tree.value.get("run", tree)
+    nodes = section.value if "run" in tree.value else {}
+    run = RunSettings(nodes=nodes)
+    for key, example in (("stop", "30"), ("step", "1.0e-3")):
+        if key in nodes:
+            setattr(run, key, reader.positive(nodes[key], f"run.{key}", math.nan))
+        else:
+            message = f"the diagram has no `run.{key}`"
+            reader.problems.add(MissingKey(message, section.place, f"write run: {{{key}: {example}}}"))
+    if "method" in nodes:
+        run.method = reader.choice(nodes["method"], "run.method", grammar.METHODS)
+    if "integrator" in nodes:
+        run.integrator = reader.choice(nodes["integrator"], "run.integrator", grammar.INTEGRATORS)
+    if "inner_steps" in nodes:
+        run.inner_steps = reader.count(nodes["inner_steps"], "run.inner_steps")
+    if "stop" in nodes:
+        _is_multiple(nodes["stop"], "run.stop", run.stop, run.step, reader)
+    return run
+
+
+def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reader) -> bool:
+    """Whether a time is a whole number of steps; if not, a report whose fix is the nearest one that is."""
+    if math.isnan(value) or math.isnan(step):
+        return False
+    if grammar.multiple(value, step):
+        return True
+    ratio = value / step
+    fix = "choose a larger `run.step`" if ratio >= 2**53 else f"such as {max(round(ratio), 1) * step:.12g}"
+    message = f"`{name}` of {value:g} s is not a whole number of steps of {step:g} s"
+    reader.wrong(node, message, fix, WrongValue)
+    return False
+
+
+def _record(node: Node, network: Network, run: RunSettings, reader: Reader) -> Record:
+    """What is recorded; each step, if no period is given."""
+    period = run.step
+    if "period" in node.value:
+        period = reader.positive(node.value["period"], "record.period", math.nan)
+        _is_multiple(node.value["period"], "record.period", period, run.step, reader)
+    signals = node.value.get("signals") or Node([], node.position)
+    if not isinstance(signals.value, list):
+        message = f"`record.signals` must be a list, not {describe(signals)}"
+        reader.wrong(signals, message, "such as signals: [plant.x]", WrongType)
+        return Record(period, [], node.place)
+    known = [network.rewired(n, reader.problems) for n in reader.endpoints(signals, "record.signals")]
+    return Record(period, known, node.place)
+
+
+def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEntry | None:
+    """One metric; None if it has no signal or no reduction."""
+    entries, where = node.value, f"metrics.{name}"
+    missing = [key for key in ("signal", "reduce") if key not in entries]
+    for key in missing:
+        fix = "write signal: block.port" if key == "signal" else f"one of: {', '.join(grammar.REDUCTIONS)}"
+        reader.problems.add(MissingKey(f"metric `{name}` has no `{key}`", node.place, fix))
+    if missing or not reader.endpoint(entries["signal"], f"{where}.signal"):
+        return None
+    reduce = reader.choice(entries["reduce"], f"{where}.reduce", grammar.REDUCTIONS)
+    start = reader.number(entries["from"], f"{where}.from", 0.0) if "from" in entries else 0.0
+    stop = reader.number(entries["to"], f"{where}.to", math.inf) if "to" in entries else math.inf
+    if not start <= stop:
+        message = f"metric `{name}`: its window ends at {stop:g} s, before it begins at {start:g} s"
+        reader.wrong(entries["to"], message, "exchange `from` and `to`", MetricError)
+    signal = network.rewired(entries["signal"], reader.problems)
+    return MetricEntry(name, signal, reduce, start, stop, node.place)

@@ -1,0 +1,147 @@
+"""One block of a diagram as YAML says it, checked against the grammar but not against its type's declaration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Container
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from cosim import grammar
+from cosim.errors import MissingKey, Position, UnknownKey, WrongType, WrongValue
+from cosim.grammar import Reader
+from cosim.source import Node, describe
+
+_NATIVE = ("block", "python", "fmu")
+_ONLY = {
+    **dict.fromkeys(("period", "integrator", "inner_steps"), _NATIVE),
+    **dict.fromkeys(("ports", "isolate", "mode"), ("fmu",)),
+}
+"""The kinds of type that a key goes with; keys that are not here go with all."""
+
+
+@dataclass
+class BlockEntry:
+    """One block of a diagram. All values keep their places.
+
+    kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars,
+    expressions or nested lists; dimensions: whole numbers from 1. inputs: `block.port` or a list of such. ports: our name → the FMU's variable. The
+    values of period (float, s), integrator, inner_steps (int), isolate (bool) and mode are in range.
+    """
+
+    name: str
+    kind: str
+    type: Node
+    position: Position
+    per: Node | None = None
+    parameters: dict[str, Node] = field(default_factory=dict)
+    start: dict[str, Node] = field(default_factory=dict)
+    inputs: dict[str, Node] = field(default_factory=dict)
+    dimensions: dict[str, Node] = field(default_factory=dict)
+    period: Node | None = None
+    integrator: Node | None = None
+    inner_steps: Node | None = None
+    ports: dict[str, Node] = field(default_factory=dict)
+    isolate: Node | None = None
+    mode: Node | None = None
+
+    @property
+    def directory(self) -> Path:
+        """The folder that the type's path is relative to: of the file that names it, or the current one."""
+        place = self.type.position
+        return Path(place.file).parent if place.line else Path()
+
+    @property
+    def path(self) -> Path:
+        """The file that the type names."""
+        file = self.type.value.rpartition(":")[0] if self.kind == "python" else self.type.value
+        return Path(os.path.normpath(self.directory / file))
+
+    def forget_inherited(self, section: str, known: Container[str]) -> None:
+        """Drop from `parameters`, `start`, `inputs` or `dimensions` what was written for another type."""
+        entries: dict[str, Node] = getattr(self, section)
+        kept = {name: node for name, node in entries.items() if name in known or not node.inherited}
+        setattr(self, section, kept)
+
+    def plain(self, folder: Path) -> dict[str, Any]:
+        """The entry without places, as YAML has it; a path is made relative to the folder."""
+        file = os.path.relpath(self.path, folder) if self.kind != "block" else self.type.value
+        result: dict[str, Any] = {
+            self.kind: f"{file}:{self.type.value.rpartition(':')[2]}" if self.kind == "python" else file
+        }
+        for key in grammar.BLOCK:
+            value = getattr(self, key, None)
+            if isinstance(value, Node):
+                result[key] = value.plain()
+            elif isinstance(value, dict) and value:
+                result[key] = {name: node.plain() for name, node in value.items()}
+        return result
+
+
+def read_entry(name: str, node: Node, reader: Reader) -> BlockEntry | None:
+    """The entry that a mapping says; None if its type is not clear. Mistakes go to the reader's problems."""
+    reader.block_name(name, node)
+    kinds = [kind for kind in grammar.TYPES if kind in node.value]
+    if not kinds:
+        fix = "write `block: ClassName`, or python:, fmu: or diagram:"
+        reader.problems.add(MissingKey(f"block `{name}` has no type", node.place, fix))
+        return None
+    for kind in kinds[1:]:
+        message = f"block `{name}` has two types, `{kinds[0]}` and `{kind}`"
+        reader.problems.add(WrongValue(message, node.value[kind].place, "remove one of them"))
+    entry = BlockEntry(name, kinds[0], node.value[kinds[0]], node.place)
+    if not reader.text(entry.type, f"blocks.{name}.{entry.kind}"):
+        return None
+    for key, value in node.value.items():
+        if key not in grammar.TYPES and _applies(entry, key, value, reader):
+            setattr(entry, key, _attribute(f"blocks.{name}.{key}", key, value, reader))
+    return entry
+
+
+def _applies(entry: BlockEntry, key: str, node: Node, reader: Reader) -> bool:
+    """Whether a block of this kind has the key; if not, it is a mistake unless written for another type."""
+    only = _ONLY.get(key, grammar.TYPES)
+    if entry.kind not in only and not node.inherited:
+        message = f"block `{entry.name}`: `{key}` does not go with `{entry.kind}:`"
+        fix = f"remove it; it goes with {', '.join(f'`{kind}:`' for kind in only)}"
+        reader.problems.add(UnknownKey(message, node.place, fix))
+    return entry.kind in only
+
+
+def _attribute(where: str, key: str, node: Node, reader: Reader) -> Any:
+    """The value of one key of a block, as `BlockEntry` keeps it."""
+    match key:
+        case "dimensions":
+            return {
+                name: replace(value, value=reader.count(value, f"{where}.{name}")) for name, value in node.value.items()
+            }
+        case "parameters" | "start":
+            return {name: value for name, value in node.value.items() if _is_data(value, f"{where}.{name}", reader)}
+        case "inputs":
+            return {name: value for name, value in node.value.items() if reader.endpoints(value, f"{where}.{name}")}
+        case "ports":
+            return {name: value for name, value in node.value.items() if reader.text(value, f"{where}.{name}")}
+        case "period":
+            return replace(node, value=reader.positive(node, where))
+        case "integrator":
+            return replace(node, value=reader.choice(node, where, grammar.INTEGRATORS))
+        case "inner_steps":
+            return replace(node, value=reader.count(node, where))
+        case "isolate":
+            return replace(node, value=reader.truth(node, where))
+        case "mode":
+            return replace(node, value=reader.choice(node, where, grammar.FMU_MODES))
+    return replace(node, value=reader.text(node, where))
+
+
+def _is_data(node: Node, where: str, reader: Reader) -> bool:
+    """Whether a value is a scalar or nested lists of such, else a report."""
+    if isinstance(node.value, list):
+        return all([_is_data(child, where, reader) for child in node.value])
+    if isinstance(node.value, dict) or node.value is None:
+        fix = "write a number or a list such as [1, 2]"
+        message = f"`{where}` must be a number, a text or a list, not {describe(node)}"
+        reader.wrong(node, message, fix, WrongType)
+        return False
+    return True

@@ -1,0 +1,217 @@
+"""Finds block classes by name: in the installed libraries, and in Python files next to a diagram.
+
+A library is an entry point of the group `cosim.blocks` whose value is a package (or a module): all its public modules
+are imported, and the block classes that they define are known by their names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import linecache
+import os
+import pkgutil
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+
+from cosim import source
+from cosim.block import Block, Input, Parameter, State
+from cosim.entry import BlockEntry
+from cosim.errors import (
+    AmbiguousBlock,
+    BlockImportError,
+    CosimError,
+    DiagramErrors,
+    Position,
+    UnknownBlock,
+    WrongValue,
+    nearest,
+)
+
+GROUP = "cosim.blocks"
+
+
+def find(entry: BlockEntry) -> type[Block]:
+    """The class that a diagram's entry of kind `block` or `python` names.
+
+    The entry forgets the parameters, starts, inputs and dimensions that it inherited from a block of another type and
+    that this class does not declare.
+    Raises: UnknownBlock, AmbiguousBlock, BlockImportError, DeclarationError, MissingFile, WrongValue.
+    """
+    block = _from_file(entry) if entry.kind == "python" else _from_libraries(entry)
+    declaration = block.declaration
+    names = {kind: {v.name for v in declaration.of(kind)} for kind in (Parameter, State, Input)}
+    sizes = {size for variable in declaration.variables.values() for size in variable.shape}
+    entry.forget_inherited("parameters", names[Parameter])
+    entry.forget_inherited("start", names[State] | names[Input])
+    entry.forget_inherited("inputs", names[Input])
+    entry.forget_inherited("dimensions", {*map(str, sizes), *declaration.dimensions})
+    return block
+
+
+def all_blocks() -> dict[str, type[Block]]:
+    """The block classes of all installed libraries by name, modules with mistakes left out: see `broken`."""
+    return {name: classes[0] for name, classes in sorted(_libraries()[0].items())}
+
+
+def broken() -> list[CosimError]:
+    """What keeps modules of the installed libraries from being imported."""
+    return list(_libraries()[1])
+
+
+def import_file(path: Path) -> ModuleType:
+    """The module that a Python file is; imported once, and again if the file changes.
+
+    It may import modules of its own folder, which other files do not see.
+    Raises: MissingFile, BlockImportError, DeclarationError (both at the line of the Python file).
+    """
+    content = source.read_bytes(path)
+    real = path.resolve()
+    known = _files.get(real)
+    if known and known[0] == content:
+        return known[1]
+    name = f"cosim_file_{real.stem}_{hashlib.sha256(str(real).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(name, real)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    linecache.checkcache(str(real))
+    previous = sys.modules.get(name)
+    sys.modules[name] = module
+    try:
+        with _siblings(real.parent):
+            exec(compile(content, str(real), "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:
+        if previous:
+            sys.modules[name] = previous
+        else:
+            del sys.modules[name]
+        raise _import_error(error, path, str(real.parent)) from None
+    _files[real] = (content, module)
+    return module
+
+
+_files: dict[Path, tuple[bytes, ModuleType]] = {}
+
+
+def _from_libraries(entry: BlockEntry) -> type[Block]:
+    name, place = entry.type.value, entry.type.position
+    known, errors = _libraries()
+    classes = known.get(name, [])
+    if len(classes) > 1:
+        modules = " and ".join(block.__module__ for block in classes)
+        message = f"block `{entry.name}`: `{name}` is both in {modules}"
+        raise AmbiguousBlock(message, place, "rename one of the classes, or name its file with `python:`")
+    if classes:
+        return classes[0]
+    unknown = UnknownBlock(f"block `{entry.name}`: there is no block type `{name}`", place, nearest(name, known))
+    if errors:
+        raise DiagramErrors([unknown, *errors])
+    raise unknown
+
+
+def _from_file(entry: BlockEntry) -> type[Block]:
+    place = entry.type.position
+    _, _, name = entry.type.value.rpartition(":")
+    if not entry.type.value.endswith(f".py:{name}") or not name:
+        message = f"block `{entry.name}`: `python: {entry.type.value}` does not name a file and a class"
+        raise WrongValue(message, place, "write python: file.py:ClassName")
+    source.read_bytes(entry.path, place)
+    known = {block.__name__: block for block in _classes(import_file(entry.path), "")}
+    if name not in known:
+        message = f"block `{entry.name}`: {entry.path} has no block class `{name}`"
+        raise UnknownBlock(message, place, nearest(name, known) or "derive a class from cosim.block.Block")
+    return known[name]
+
+
+@cache
+def _libraries() -> tuple[dict[str, list[type[Block]]], list[CosimError]]:
+    """All classes by name (several, if modules disagree), and the errors of modules that cannot be imported."""
+    found: dict[str, list[type[Block]]] = {}
+    errors: list[CosimError] = []
+    for point in sorted(entry_points(group=GROUP)):
+        for module in _modules(point.module, errors):
+            for block in _classes(module, point.module):
+                if block not in found.setdefault(block.__name__, []):
+                    found[block.__name__].append(block)
+    return found, errors
+
+
+def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
+    """A package's public modules, and it itself."""
+    try:
+        module = importlib.import_module(name)
+    except (Exception, SystemExit) as error:
+        spec = _spec(name)
+        file = Path(os.path.relpath(spec.origin)) if spec and spec.origin else Path(name)
+        errors.append(_import_error(error, file, str(file.resolve().parent)))
+        return
+    yield module
+    for child in pkgutil.iter_modules(getattr(module, "__path__", ())):
+        if not child.name.startswith("_"):
+            yield from _modules(f"{name}.{child.name}", errors)
+
+
+def _classes(module: ModuleType, package: str) -> Iterator[type[Block]]:
+    """A module's public block classes; with a package, those only that are defined in it."""
+    for name, member in vars(module).items():
+        if not (isinstance(member, type) and issubclass(member, Block)) or name.startswith("_"):
+            continue
+        if member.__module__ != Block.__module__ and f"{member.__module__}.".startswith(
+            f"{package}." if package else ""
+        ):
+            yield member
+
+
+def _import_error(error: BaseException, path: Path, folder: str) -> CosimError:
+    """The error at the innermost line that stands in the file's folder."""
+    if isinstance(error, SyntaxError) and error.filename and error.filename.startswith(folder):
+        line, column, file = error.lineno or 0, error.offset or 0, Path(error.filename)
+        text = error.msg
+    else:
+        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(folder)]
+        line, column = (frames[-1].lineno or 0, (frames[-1].colno or 0) + 1) if frames else (0, 0)
+        file = Path(frames[-1].filename) if frames else path
+        text = f"{type(error).__name__}: {error}"
+    same = file.exists() and path.exists() and os.path.samefile(file, path)
+    place = Position(str(path if same else os.path.relpath(file)), line, column)
+    if isinstance(error, CosimError):
+        error.position = error.position or place
+        return error
+    return BlockImportError(f"`{path}` cannot be imported: {text}", place, "correct the Python file")
+
+
+@contextmanager
+def _siblings(folder: Path) -> Iterator[None]:
+    """Let imports find modules in a folder; afterwards forget those that nothing else could have found."""
+    before = set(sys.modules)
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        inside = [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], folder)]
+        found = {name: sys.modules.pop(name) for name in inside}
+        for name, module in found.items():
+            if _spec(name.partition(".")[0]):
+                sys.modules[name] = module
+
+
+def _is_inside(module: ModuleType, folder: Path) -> bool:
+    spec = getattr(module, "__spec__", None)
+    file = spec.origin if spec else None
+    return bool(file) and not module.__name__.startswith("cosim_file_") and folder in Path(str(file)).resolve().parents
+
+
+def _spec(name: str) -> importlib.machinery.ModuleSpec | None:
+    try:
+        return importlib.util.find_spec(name)
+    except (ImportError, ValueError, AttributeError):
+        return None

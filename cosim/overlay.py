@@ -1,0 +1,194 @@
+"""The layers of a diagram, from the bottom up: the file it extends, the file, --swap, --set; merged by key.
+
+Mappings merge, everything else replaces. A layer that changes a block's type makes what the layers below say of that
+block's parameters, starts, inputs and the like `inherited`: it counts only where the new type declares it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cosim import source
+from cosim.errors import CircularExtends, CosimError, Position, Problems, UnknownSetting, WrongType, nearest
+from cosim.grammar import ANY, DIAGRAM, TYPES
+from cosim.source import Node, describe
+
+
+def read_layers(path: Path, problems: Problems, named_at: Position | None = None) -> tuple[Node, list[Path]]:
+    """The tree of a file over those that it extends, and the files in the order of reading.
+
+    Raises: MissingFile, YamlSyntaxError, WrongType, CircularExtends.
+    """
+    layers: list[Node] = []
+    files: list[Path] = []
+    while True:
+        if any(os.path.realpath(path) == os.path.realpath(file) for file in files):
+            chain = " → ".join(str(file) for file in [*files, path])
+            raise CircularExtends(f"the diagram extends itself: {chain}", named_at, "remove this `extends`")
+        layer = source.read(path, problems, named_at)
+        files.append(path)
+        layers.append(layer)
+        extends = layer.value.pop("extends", None)
+        if extends is None or extends.value is None:
+            break
+        if not isinstance(extends.value, str):
+            message = f"`extends` must name a file, not {describe(extends)}"
+            raise WrongType(message, extends.position, "such as extends: formation.yaml")
+        named_at = extends.position
+        path = Path(os.path.normpath(path.parent / extends.value))
+    tree = layers.pop()
+    for layer in reversed(layers):
+        tree = merge(tree, layer)
+    return tree, files
+
+
+def merge(base: Node, over: Node, path: tuple[str, ...] = ()) -> Node:
+    """One layer over another. A merged mapping keeps the lower one's place, a block that of its type."""
+    if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
+        return over
+    is_block = len(path) == 2 and path[0] == "blocks"
+    retyped = is_block and _changes_type(base.value, over.value)
+    entries = _inherited(base.value) if retyped else dict(base.value)
+    for key, node in over.value.items():
+        entries[key] = merge(entries[key], node, (*path, key)) if key in entries else node
+    return replace(over if retyped and over.position.line else base, value=entries)
+
+
+def _changes_type(base: dict[str, Node], over: dict[str, Node]) -> bool:
+    types = [(key, over[key].value) for key in TYPES if key in over and over[key].value is not None]
+    return bool(types) and types != [(key, base[key].value) for key in TYPES if key in base]
+
+
+def _inherited(block: dict[str, Node]) -> dict[str, Node]:
+    """What remains of a block whose type is replaced: all but the type, marked as written for another."""
+    return {key: node if key == "per" else _marked(node) for key, node in block.items() if key not in TYPES}
+
+
+def _marked(node: Node) -> Node:
+    if isinstance(node.value, dict):
+        return replace(node, inherited=True, value={k: replace(n, inherited=True) for k, n in node.value.items()})
+    return replace(node, inherited=True)
+
+
+def apply_swaps(tree: Node, swaps: Iterable[str], problems: Problems) -> Node:
+    """The tree with each `block=Type` of --swap applied."""
+    for swap in swaps:
+        position = Position(f"--swap {swap}")
+        name, _, new = (part.strip() for part in swap.partition("="))
+        blocks = _child(tree, "blocks")
+        if not (name and new):
+            problems.add(UnknownSetting(f"`{swap}` is no swap", position, "write --swap block=Type"))
+        elif not _has_block(blocks, name):
+            problems.add(UnknownSetting(f"there is no block `{name}` to swap", position, nearest(name, blocks)))
+        else:
+            block = Node({_kind(new): Node(new, position, position)}, position, position)
+            tree = merge(tree, _nested(["blocks", name], block, position))
+    return tree
+
+
+def _kind(text: str) -> str:
+    """Which kind of type a text on the command line names."""
+    if ".py:" in text:
+        return "python"
+    return {".fmu": "fmu", ".yaml": "diagram", ".yml": "diagram"}.get(Path(text).suffix.lower(), "block")
+
+
+def apply_settings(tree: Node, settings: Iterable[str], problems: Problems) -> Node:
+    """The tree with each `a.b.c=value` of --set applied."""
+    for setting in settings:
+        position = Position(f"--set {setting}")
+        path, equals, text = setting.partition("=")
+        try:
+            if not equals:
+                raise UnknownSetting(f"`{setting}` is no setting", position, "write --set run.stop=10")
+            value = source.parse_value(text, position)
+            tree = merge(tree, _overlay(tree, path.strip().split("."), value, DIAGRAM, position))
+        except CosimError as error:
+            problems.add(error)
+    return tree
+
+
+def _overlay(
+    node: Node, path: list[str], value: Node, grammar: dict[str, Any], position: Position, done: tuple[str, ...] = ()
+) -> Node:
+    """The layer that changes only what stands at the path below a node.
+
+    Raises: UnknownSetting.
+    """
+    if not path:
+        return replace(value, key_position=position)
+    if isinstance(node.value, list):
+        return _element(node, path, value, position, done)
+    key, rest = _match(node, path, grammar, position, done)
+    below = grammar.get(ANY) or grammar.get(key, {})
+    child = node.value.get(key) if isinstance(node.value, dict) else None
+    child = child or Node({} if below else None, position)
+    return _nested([key], _overlay(child, rest, value, below, position, (*done, key)), position)
+
+
+def _match(
+    node: Node, path: list[str], grammar: dict[str, Any], position: Position, done: tuple[str, ...]
+) -> tuple[str, list[str]]:
+    """The key that the path's beginning names, and the rest of the path. Keys may contain dots.
+
+    Raises: UnknownSetting.
+    """
+    where = ".".join(done) or "the diagram"
+    known = node.value if isinstance(node.value, dict) else {}
+    for end in range(len(path), 0, -1):
+        key = ".".join(path[:end])
+        if key in known or (key in grammar and key not in (ANY, "extends")):
+            return key, path[end:]
+    if not grammar:
+        value = "nothing" if node.value is None else describe(node)
+        raise UnknownSetting(f"`{where}` is {value} and has no `{path[0]}`", position, f"set `{where}` as a whole")
+    is_value_list = ANY in grammar and not grammar[ANY] and done[0] != "fleets"
+    if is_value_list and not path[-1].isdecimal():
+        return ".".join(path), []
+    if ANY in grammar and len(path) == 1 and done[0] in ("blocks", "metrics"):
+        return path[0], []
+    if done == ("blocks",) and _has_block(known, path[0]):
+        return path[0], path[1:]
+    message = f"`{where}` has no `{'.'.join(path) if is_value_list else path[0]}`"
+    raise UnknownSetting(message, position, nearest(path[0], {*known, *grammar} - {ANY, "extends"}))
+
+
+def _element(node: Node, path: list[str], value: Node, position: Position, done: tuple[str, ...]) -> Node:
+    """The list with one element changed.
+
+    Raises: UnknownSetting.
+    """
+    items = list(node.value)
+    where = ".".join(done)
+    if not (path[0].isdecimal() and int(path[0]) < len(items)):
+        fix = f"its elements are 0 to {len(items) - 1}" if items else "it is empty"
+        raise UnknownSetting(f"`{where}` has no element `{path[0]}`", position, fix)
+    index = int(path[0])
+    change = _overlay(items[index], path[1:], value, {}, position, (*done, path[0]))
+    items[index] = replace(merge(items[index], change), key_position=None)
+    return Node(items, node.position, node.key_position)
+
+
+def _has_block(blocks: dict[str, Node], name: str) -> bool:
+    """Whether a block is there, or a diagram that it may be inside of."""
+    outers = (outer for outer in blocks if name.startswith(f"{outer}/"))
+    return name in blocks or any("diagram" in _child_mapping(blocks[outer]) for outer in outers)
+
+
+def _child(node: Node, key: str) -> dict[str, Node]:
+    child = _child_mapping(node).get(key)
+    return _child_mapping(child) if child else {}
+
+
+def _child_mapping(node: Node) -> dict[str, Node]:
+    return node.value if isinstance(node.value, dict) else {}
+
+
+def _nested(path: list[str], value: Node, position: Position) -> Node:
+    for key in reversed(path):
+        value = Node({key: replace(value, key_position=value.key_position or position)}, position)
+    return value
