@@ -25,9 +25,10 @@ _ONLY = {
 class BlockEntry:
     """One block of a diagram. All values keep their places.
 
-    kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars,
-    expressions or nested lists; dimensions: whole numbers from 1. inputs: `block.port` or a list of such. ports: our name → the FMU's variable. The
-    values of period (float, s), integrator, inner_steps (int), isolate (bool) and mode are in range.
+    kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars, expressions
+    or nested lists of them. inputs: `block.port` or a list of such. dimensions: whole numbers from 1. ports: our name →
+    the FMU's variable. The values of period (float, s), integrator, inner_steps (int), isolate (bool) and mode are in
+    range; a period is a whole number of steps.
     """
 
     name: str

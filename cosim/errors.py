@@ -86,6 +86,10 @@ class UnknownBlock(CosimError):
     """A block type that no library has."""
 
 
+class AmbiguousBlock(CosimError):
+    """A block type that two modules of the libraries have."""
+
+
 class BlockImportError(CosimError):
     """A Python file of blocks that cannot be imported."""
 
@@ -152,6 +156,14 @@ class RuleViolation(CosimError):
 
 class KernelError(CosimError):
     """A function of a block that the compiler cannot turn into a kernel."""
+
+
+class BlockFailed(CosimError):
+    """A block's function stopped the run."""
+
+
+class Diverged(CosimError):
+    """A state became NaN or infinite."""
 
 
 class ResultError(CosimError):

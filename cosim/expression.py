@@ -125,12 +125,3 @@ def _value(name: str, names: Names, text: str) -> float:
     if name in FUNCTIONS:
         raise ExpressionError(f"function `{name}` in `{text}` has no argument", fix=f"write `{name}(…)`")
     raise ExpressionError(f"unknown name `{name}` in `{text}`", fix=nearest(name, [*names, *CONSTANTS, *FUNCTIONS]))
-
-
-def names(text: str) -> set[str]:
-    """The names that an expression uses; none where it cannot be read."""
-    try:
-        tree = ast.parse(text, mode="eval")
-    except SyntaxError:
-        return set()
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
