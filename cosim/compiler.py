@@ -56,7 +56,14 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
             adapter = _with_jitted_globals(source.build(), jitted)
             try:
                 result = compile_extra(
-                    cpu_target.typing_context, context, adapter, signature, types.int32, flags, locals={}, library=library
+                    cpu_target.typing_context,
+                    context,
+                    adapter,
+                    signature,
+                    types.int32,
+                    flags,
+                    locals={},
+                    library=library,
                 )
             except Exception as error:
                 raise _explain(error, f"{name}: {source.symbol}()") from error

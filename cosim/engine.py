@@ -61,7 +61,9 @@ CONTROL_WORDS = 32
     AT,  # the operation that is being done
     ELEMENT,  # the state that is not finite
     WARNINGS,  # how many calls returned a warning
-) = range(26)
+    ORIGIN_STEP,  # the step at which the time is ORIGIN
+    ORIGIN,  # a float64 (s)
+) = range(28)
 
 _EXPONENT = 0x7FF0000000000000
 
@@ -71,22 +73,29 @@ def run(step: float, base: int, control: int) -> int:
     c = words_at(control, CONTROL_WORDS)
     while c[STEP] < c[LAST]:
         k = c[STEP]
-        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, k * step, step)
+        time = time_at(c, control, k, step)
+        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, step)
         if status > WARNING:
             return status
         probe(c, base, k)
-        status = advance(c, base, k, step)
+        status = advance(c, base, k, time, step)
         if status > WARNING:
             return status
         c[STEP] = k + 1
         if not is_finite(c, base):
             return NON_FINITE
     if c[FINAL] != 0:
-        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], c[STEP], c[STEP] * step, step)
+        time = time_at(c, control, c[STEP], step)
+        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], c[STEP], time, step)
         if status > WARNING:
             return status
         probe(c, base, c[STEP])
     return OK
+
+
+def time_at(c: Any, control: int, k: int, step: float) -> float:
+    """The time (s) of step k, from an integer count of steps."""
+    return reals_at(control, CONTROL_WORDS)[ORIGIN] + (k - c[ORIGIN_STEP]) * step
 
 
 def execute(time: float, base: int, control: int) -> int:
@@ -120,20 +129,20 @@ def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, step: 
     return OK
 
 
-def advance(c: Any, base: int, k: int, step: float) -> int:
+def advance(c: Any, base: int, k: int, time: float, step: float) -> int:
     """Do what stands between the communication points k and k+1: integrations, slaves' steps, copies."""
     operations = words_at(c[OPERATIONS], c[N_OPERATIONS] * OPERATION_WORDS)
     for o in range(c[BETWEEN_BEGIN], c[BETWEEN_END]):
         if operations[o * OPERATION_WORDS + KIND] == INTEGRATE:
-            status = integrate(c, base, operations[o * OPERATION_WORDS + A], k, step)
+            status = integrate(c, base, operations[o * OPERATION_WORDS + A], k, time, step)
         else:
-            status = operate(c, base, o, o + 1, k, k * step, step)
+            status = operate(c, base, o, o + 1, k, time, step)
         if status > WARNING:
             return status
     return OK
 
 
-def integrate(c: Any, base: int, bank: int, k: int, step: float) -> int:
+def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -> int:
     """Integrate one bank over one communication step with its own method and number of inner steps."""
     b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
     begin, end, inner_steps = b[BEGIN], b[END], b[INNER_STEPS]
@@ -143,7 +152,7 @@ def integrate(c: Any, base: int, bank: int, k: int, step: float) -> int:
     d = reals_at(base + c[D], n)
     h = step / inner_steps
     for s in range(inner_steps):
-        time = k * step + s * h
+        time = begun + s * h
         if s == 0:
             status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, 0.0)
         else:

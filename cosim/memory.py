@@ -17,14 +17,14 @@ interpreted: dict[int, Callable[[float], int]] = {}
 
 def words_at(address: int, size: int) -> np.ndarray:
     """The `size` int64 words at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_int64 * size).from_address(address))
+    return np.ctypeslib.as_array((ctypes.c_int64 * int(size)).from_address(int(address)))
 
 
 def reals_at(address: int, size: int) -> np.ndarray:
     """The `size` float64 numbers at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_double * size).from_address(address))
+    return np.ctypeslib.as_array((ctypes.c_double * int(size)).from_address(int(address)))
 
 
 def call(function: int, time: float, base: int, frame: int) -> int:
     """Call ``int32 function(double time, uint8 *base, int64 *frame)`` at an address and return its status."""
-    return interpreted[function](time)
+    return interpreted[int(function)](float(time))

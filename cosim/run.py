@@ -1,0 +1,248 @@
+"""From a diagram to its outcome: builds the table, runs it, reduces metrics, and records, come what may."""
+
+from __future__ import annotations
+
+import json
+import math
+import time as clock
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cosim import diagram as diagrams
+from cosim import metrics as reductions
+from cosim import results, simulation, table, wiring
+from cosim.block import Local, Output
+from cosim.diagram import Diagram
+from cosim.errors import CosimError, Diverged, MetricError, Problems
+from cosim.metrics import Final, Reduction
+from cosim.simulation import Probes, Samples, Simulation
+from cosim.wiring import Network, Signal
+
+FLUSH_SECONDS = 1.0
+ENGINES = ("native", "python")
+
+
+@dataclass
+class Event:
+    """A boolean output that says something happened: what, and when each member saw it first."""
+
+    signal: Signal
+    text: str
+    times: Any
+
+
+@dataclass
+class Outcome:
+    """How a run ended. status: completed, diverged, interrupted or failed; seconds: wall-clock time of each part."""
+
+    diagram: str
+    status: str
+    steps: int
+    method: str
+    engine: str
+    kernels_compiled: int
+    seconds: dict[str, float]
+    metrics: dict[str, Any]
+    results: str | None
+    error: CosimError | None = None
+    events: list[Event] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
+    windows: dict[str, str] = field(default_factory=dict)
+
+    def as_json(self) -> str:
+        """One JSON object; NaN and infinity are null."""
+        names = "diagram status steps method engine kernels_compiled seconds metrics results".split()
+        content = {name: getattr(self, name) for name in names}
+        if self.error:
+            content["error"] = str(self.error)
+        return json.dumps(reductions.for_json(content), ensure_ascii=False)
+
+
+def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = ()) -> Network:
+    """Read and wire a diagram. Raises: DiagramErrors with all mistakes, of the grammar and of the wiring."""
+    problems = Problems()
+    return wiring.wire(diagrams.load(path, settings, swaps, problems), problems)
+
+
+class Run:
+    """One run of a wired diagram.
+
+    output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
+    """
+
+    def __init__(
+        self, network: Network, engine: str = "native", output: Path | None = None, began: float | None = None
+    ) -> None:
+        started = clock.perf_counter() if began is None else began
+        self.network = network
+        self.engine = engine
+        self.output = output
+        settings = network.diagram.run
+        self.metrics = _metrics(network)
+        self._events = _events(network)
+        built = table.build(network, settings.method)
+        compiling = clock.perf_counter()
+        kernels = simulation.compile_table(built) if engine == "native" else None
+        compiled = clock.perf_counter() - compiling
+        self.kernels_compiled = kernels.compiled if kernels else 0
+        self.simulation = Simulation(built, kernels, self._probes())
+        self.seconds = {"setup": clock.perf_counter() - started - compiled, "compile": compiled, "solve": 0.0}
+
+    def _probes(self) -> list[Probes]:
+        """What is reduced is seen at every step, what is recorded at the recording's period."""
+        stepwise = [s for s, r in (*self.metrics.values(), *self._events.values()) if not isinstance(r, Final)]
+        record = self.network.diagram.record
+        recorded = [self.network.find(str(n.value), n.position) for n in record.signals] if record else []
+        every = round(record.period / self.simulation_step) if record else 1
+        return [Probes(tuple(dict.fromkeys(stepwise))), Probes(tuple(dict.fromkeys(recorded)), every)]
+
+    @property
+    def simulation_step(self) -> float:
+        """The communication step (s)."""
+        return self.network.diagram.run.step
+
+    def execute(self, watch: Callable[[float], None] = lambda time: None) -> Outcome:
+        """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
+
+        Raises: ResultError if the result cannot be written; everything else is in the outcome.
+        """
+        writer = self._writer() if self.output else None
+        status, error = "completed", None
+        try:
+            self._solve(writer, watch)
+        except Diverged as stopped:
+            status, error = "diverged", stopped
+        except CosimError as stopped:
+            status, error = "failed", stopped
+        except KeyboardInterrupt:
+            status = "interrupted"
+        for signal, reduction in self.metrics.values():
+            if isinstance(reduction, Final):
+                reduction.update([self.simulation.time], self.simulation.value(signal)[None])
+        outcome = self._outcome(status, error)
+        if writer:
+            message = error.message if error else ""
+            writer.close(status, message, outcome.metrics, outcome.steps, outcome.seconds)
+        return outcome
+
+    def _solve(self, writer: results.ResultWriter | None, watch: Callable[[float], None]) -> None:
+        began = flushed = clock.perf_counter()
+        writing = 0.0
+        try:
+            self.simulation.initialize()
+            for stepwise, recorded in self.simulation.batches():
+                resumed = clock.perf_counter()
+                self._reduce(stepwise)
+                if writer:
+                    self._append(writer, recorded)
+                    if clock.perf_counter() - flushed > FLUSH_SECONDS:
+                        writer.flush()
+                        flushed = clock.perf_counter()
+                watch(self.simulation.time)
+                writing += clock.perf_counter() - resumed
+        finally:
+            self.seconds["solve"] = clock.perf_counter() - began - writing
+
+    def _reduce(self, samples: Samples) -> None:
+        times = samples.steps * self.simulation_step
+        for signal, reduction in (*self.metrics.values(), *self._events.values()):
+            if not isinstance(reduction, Final):
+                reduction.update(times, samples.values[signal])
+
+    def _append(self, writer: results.ResultWriter, samples: Samples) -> None:
+        values = {str(signal): array for signal, array in samples.values.items()}
+        writer.append(samples.steps * self.simulation_step, values)
+
+    def _writer(self) -> results.ResultWriter:
+        assert self.output is not None
+        diagram = self.network.diagram
+        settings = {k: getattr(diagram.run, k) for k in ("stop", "step", "method", "integrator", "inner_steps")}
+        attributes = {
+            "title": diagram.title,
+            "diagram": diagram.resolved(),
+            "settings": settings,
+            "method": diagram.run.method,
+            "engine": self.engine,
+        }
+        recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]
+        return results.ResultWriter(self.output, recorded, attributes)
+
+    def _outcome(self, status: str, error: CosimError | None) -> Outcome:
+        diagram = self.network.diagram
+        events = [
+            Event(signal, _event_text(self.network, signal), times)
+            for signal, reduction in self._events.values()
+            if (times := reduction.value())
+        ]
+        return Outcome(
+            diagram=str(diagram.path),
+            status=status,
+            steps=self.simulation.done,
+            method=diagram.run.method,
+            engine=self.engine,
+            kernels_compiled=self.kernels_compiled,
+            seconds={name: round(value, 6) for name, value in self.seconds.items()},
+            metrics={name: reduction.value() for name, (_, reduction) in self.metrics.items()},
+            results=str(self.output) if self.output else None,
+            error=error,
+            events=events,
+            units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
+            windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},
+        )
+
+
+def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:
+    """Each metric's signal and reduction. Raises: DiagramErrors with every MetricError."""
+    problems, found = Problems(), {}
+    for name, metric in network.diagram.metrics.items():
+        signal = network.find(str(metric.signal.value), metric.signal.position)
+        variable = network.variable(signal)
+        window = [metric.start or None, metric.stop if math.isfinite(metric.stop) else None]
+        try:
+            reduction = reductions.reduction(metric.reduce, *window, variable.dtype, network.shape(signal))
+            found[name] = signal, reduction
+        except MetricError as error:
+            problems.add(MetricError(f"metric {name}: {error.message}", metric.position, error.fix))
+    problems.raise_if_any()
+    return found
+
+
+def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:
+    """The boolean outputs that report something, with the times at which they first do."""
+    found = {}
+    for signal in wiring.signals(network):
+        if _event_text(network, signal):
+            first = reductions.reduction("first", dtype=bool, shape=network.shape(signal))
+            found[signal] = signal, first
+    return found
+
+
+def _event_text(network: Network, signal: Signal) -> str:
+    variable = network.variable(signal)
+    return variable.event if isinstance(variable, (Output, Local)) else ""
+
+
+def _unit(network: Network, signal: Signal, reduction: Reduction) -> str:
+    unit = reduction.unit or network.variable(signal).unit
+    return unit if isinstance(unit, str) else ""
+
+
+def _described(network: Network, signal: Signal) -> results.Signal:
+    slave, variable = network.slaves[signal.slave], network.variable(signal)
+    return results.Signal(
+        name=str(signal),
+        shape=network.shape(signal),
+        dtype=variable.dtype,
+        fleet=slave.fleet or "",
+        axes=tuple(slave.axes[d].fleet or d if isinstance(d, str) else d for d in variable.shape),
+        unit=variable.unit,
+        description=variable.description,
+        causality=variable.causality,
+    )
+
+
+def run(diagram: Diagram, **options: Any) -> Outcome:
+    """Wire and run a diagram; options as of `Run`. Raises: DiagramErrors, ResultError."""
+    return Run(wiring.wire(diagram), **options).execute()

@@ -1,0 +1,259 @@
+"""One run of a table: binds its calls to an engine, initializes, and advances in batches of steps.
+
+Between two batches the caller may look at the probes, draw progress, write to disk or be interrupted; inside a batch
+nothing returns to Python, and the interpreter's lock is released.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import time as clock
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from cosim import engine, kernels, memory
+from cosim.errors import BlockFailed, Diverged
+from cosim.table import Call, Place, Table, copy_of
+from cosim.wiring import Signal
+
+KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+BATCH_SECONDS = 0.04
+BUFFER_BYTES = 4_000_000
+_handles = count(1)
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Signals that are copied out together every so many steps."""
+
+    signals: tuple[Signal, ...]
+    every: int = 1
+
+
+@dataclass
+class Samples:
+    """What one group of probes saw in one batch: step numbers (k,), and an array (k, *shape) for each signal."""
+
+    steps: np.ndarray
+    values: dict[Signal, np.ndarray]
+
+
+@dataclass
+class Kernels:
+    """The modules that a table calls, by slave, and the loop's; None for a slave that stays Python."""
+
+    modules: dict[str, kernels.Module | None] = field(default_factory=dict)
+    loop: kernels.Module | None = None
+
+    @property
+    def compiled(self) -> int:
+        """How many modules had to be compiled rather than found in the cache."""
+        found = {m.key: m for m in (*self.modules.values(), self.loop) if m is not None}
+        return sum(m.compiled_now for m in found.values())
+
+
+def compile_table(table: Table) -> Kernels:
+    """The compiled loop and the kernels of all slaves of a table, each block type once. Raises: KernelError."""
+    made: dict[tuple[Any, ...], kernels.Module] = {}
+    result = Kernels(loop=kernels.engine_module())
+    for name, slave in table.network.slaves.items():
+        if not slave.declaration.compiled:
+            result.modules[name] = None
+            continue
+        key = (id(slave.declaration), *slave.constants().items())
+        if key not in made:
+            made[key] = kernels.block_module(slave.declaration, slave.constants())
+        result.modules[name] = made[key]
+    return result
+
+
+class Simulation:
+    """A run of a table on its own copy of the arena.
+
+    kernels: from `compile_table` for the compiled engine; None interprets everything as plain Python.
+    """
+
+    def __init__(self, table: Table, kernels: Kernels | None, probes: Sequence[Probes] = ()) -> None:
+        self.table = table
+        self.step = table.network.diagram.run.step
+        self.steps = round(table.network.diagram.run.stop / self.step)
+        self.arena = copy_of(table.arena)
+        self.probes = probes
+        self._fault: BaseException | None = None
+        self._python = [_interpreted(self, call) for call in table.calls]
+        self._keep: list[Any] = []
+        if kernels is None:
+            functions = [next(_handles) for _ in table.calls]
+            memory.interpreted.update(zip(functions, self._python, strict=True))
+            self._run: Callable[..., int] = engine.run
+            self._execute: Callable[..., int] = engine.execute
+            self._handles = functions
+        else:
+            functions = [self._address(kernels, n) for n in range(len(table.calls))]
+            assert kernels.loop is not None
+            loop = kernels.loop.load()
+            self._run, self._execute = KERNEL(loop.address("run")), KERNEL(loop.address("execute"))
+            self._handles = []
+        self._build_control(np.array(functions, np.int64))
+
+    def __del__(self) -> None:
+        for handle in getattr(self, "_handles", ()):
+            memory.interpreted.pop(handle, None)
+
+    def _address(self, kernels: Kernels, n: int) -> int:
+        call = self.table.calls[n]
+        module = kernels.modules[call.slave]
+        if module is not None:
+            return module.load().address(call.function.name)
+        python = self._python[n]
+        thunk = KERNEL(lambda time, base, frame: python(time))
+        self._keep.append(thunk)
+        return ctypes.cast(thunk, ctypes.c_void_p).value or 0
+
+    def _build_control(self, functions: np.ndarray) -> None:
+        table = self.table
+        rows, probes, self._buffers = [], [], []
+        for group in self.probes:
+            begin = len(probes)
+            for signal in group.signals:
+                nbytes = table.signal(signal, self.arena).nbytes
+                probes.append([table.places[signal].offset, -(-nbytes // 8)])
+            words = 1 + sum(size for _, size in probes[begin:])
+            capacity = max(2, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 2))
+            buffer = np.zeros((capacity, words), np.int64)
+            self._buffers.append(buffer)
+            rows.append([group.every, begin, len(probes), words, 0, buffer.ctypes.data])
+        self._groups = np.array(rows, np.int64).reshape(-1, engine.GROUP_WORDS)
+        self._probe_rows = np.array(probes, np.int64).reshape(-1, engine.PROBE_WORDS)
+        self._functions = functions
+        control = self.control = np.zeros(engine.CONTROL_WORDS, np.int64)
+        for at, size, array in (
+            (engine.OPERATIONS, engine.N_OPERATIONS, table.operations),
+            (engine.BANKS, engine.N_BANKS, table.banks),
+            (engine.FUNCTIONS, engine.N_FUNCTIONS, functions),
+            (engine.GROUPS, engine.N_GROUPS, self._groups),
+            (engine.PROBES, engine.N_PROBES, self._probe_rows),
+        ):
+            control[at], control[size] = array.ctypes.data, len(array)
+        control[engine.STATES] = table.states
+        for name, offset in table.vectors.items():
+            control[getattr(engine, name)] = offset
+
+    def initialize(self) -> None:
+        """Calculated parameters, start values and outputs at time zero. Raises: BlockFailed."""
+        self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.initial
+        status = self._execute(0.0, self.arena.ctypes.data, self.control.ctypes.data)
+        self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.point
+        self.control[engine.BETWEEN_BEGIN], self.control[engine.BETWEEN_END] = self.table.between
+        self._raise(status)
+
+    @property
+    def done(self) -> int:
+        """How many steps are done."""
+        return int(self.control[engine.STEP])
+
+    @property
+    def time(self) -> float:
+        """The simulated time (s)."""
+        return self.done * self.step
+
+    def batches(self) -> Iterator[list[Samples]]:
+        """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
+
+        Raises: BlockFailed, Diverged; what the probes saw before is yielded first.
+        """
+        size = 64
+        largest = (
+            min((len(b) - 1) * g.every for b, g in zip(self._buffers, self.probes, strict=True))
+            if self.probes
+            else 1 << 40
+        )
+        while True:
+            last = min(self.done + size, self.steps)
+            self.control[engine.LAST], self.control[engine.FINAL] = last, last == self.steps
+            began = clock.perf_counter()
+            status = self._run(self.step, self.arena.ctypes.data, self.control.ctypes.data)
+            spent = clock.perf_counter() - began
+            yield self._samples()
+            self._raise(status)
+            if last == self.steps:
+                return
+            size = int(max(1, min(largest, 4 * size, size * BATCH_SECONDS / max(spent, 1e-6))))
+
+    def _samples(self) -> list[Samples]:
+        result = []
+        for group, row, buffer in zip(self.probes, self._groups, self._buffers, strict=True):
+            filled = int(row[engine.FILLED])
+            row[engine.FILLED] = 0
+            values, at = {}, 1
+            for signal in group.signals:
+                shape, dtype = self.table.network.shape(signal), self.table.places[signal].dtype
+                nbytes = int(np.prod(shape)) * dtype.itemsize
+                words = -(-nbytes // 8)
+                raw = np.ascontiguousarray(buffer[:filled, at : at + words]).view(np.uint8)[:, :nbytes]
+                values[signal] = np.ascontiguousarray(raw).view(dtype).reshape(filled, *shape)
+                at += words
+            result.append(Samples(buffer[:filled, 0], values))
+        return result
+
+    def _raise(self, status: int) -> None:
+        if status <= engine.WARNING:
+            return
+        if status == engine.NON_FINITE:
+            signal, instance = self.table.owner(int(self.control[engine.ELEMENT]))
+            slave = self.table.network.slaves[signal.slave]
+            member = f" of {slave.fleet} {instance + 1}" if slave.fleet else ""
+            message = f"block {signal.slave}: state `{signal.variable}`{member} is not finite at t = {self.time:g} s"
+            raise Diverged(message, slave.entry.position, "try a smaller step, or look at what drives this state")
+        self._raise_fault(int(self.control[engine.AT]))
+
+    def _raise_fault(self, operation: int) -> None:
+        """Tell what went wrong in a call: a compiled kernel's exception is found by interpreting the call again."""
+        call_index = int(self.table.operations[operation, engine.A])
+        call = self.table.calls[call_index]
+        if self._fault is None:
+            self._python[call_index](self.time)
+        cause = self._fault
+        text = f"{type(cause).__name__}: {cause}" if cause else "an error that plain Python does not show"
+        place = self.table.network.slaves[call.slave].entry.position
+        message = f"block {call.slave}: {call.function.name}() failed at t = {self.time:g} s: {text}"
+        raise BlockFailed(message, place, "run with `--engine python` to step through the block") from cause
+
+    def value(self, signal: Signal) -> np.ndarray:
+        """A signal now, as a copy (instances…, *shape)."""
+        return self.table.signal(signal, self.arena).copy()
+
+
+def _interpreted(simulation: Simulation, call: Call) -> Callable[[float], int]:
+    """The call as plain Python: the author's function over views of the arena, for each instance."""
+    arguments = [
+        _views(simulation.arena, call, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)
+    ]
+    python = call.function.python
+
+    def run(time: float) -> int:
+        try:
+            with np.errstate(all="ignore"):
+                for instance in range(call.count):
+                    python(*[time if a is None else a[instance]() for a in arguments])
+        except Exception as error:
+            simulation._fault = error
+            return engine.ERROR
+        return engine.OK
+
+    return run
+
+
+def _views(arena: np.ndarray, call: Call, name: str, place: Place | None) -> Any:
+    """For each instance, what a function gets for an argument: a number for a read scalar, else an array."""
+    if place is None:
+        return None
+    views = [place.view(arena, k) for k in range(call.count)]
+    if place.shape == () and name not in call.function.writes:
+        return [(lambda view=view: view[()]) for view in views]
+    arrays = [view.reshape(1) if place.shape == () else view for view in views]
+    return [(lambda array=array: array) for array in arrays]

@@ -1,0 +1,376 @@
+"""The resolved diagram as a table: one arena of memory, and the operations that the loop walks.
+
+Everything that changes during a run lives in the arena, and everything that points into it is an offset, so that a
+copy of the arena is another run of the same diagram.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim import engine, order
+from cosim.block import Function, Input, Parameter, State, Variable
+from cosim.kernels import run_time_dimensions, variable_of
+from cosim.wiring import Network, Signal, Slave
+
+ALIGNMENT = 64
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a variable lives: offset of its first instance, bytes from one instance to the next (0: shared)."""
+
+    offset: int
+    stride: int
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+    def view(self, arena: np.ndarray, instance: int = 0) -> np.ndarray:
+        """The variable of one instance, as a view into an arena."""
+        return np.ndarray(self.shape, self.dtype, arena.data, self.offset + instance * self.stride)
+
+
+@dataclass(frozen=True)
+class Call:
+    """One row that calls: a function of a slave with the places of its arguments."""
+
+    slave: str
+    function: Function
+    count: int
+    frame: int
+    arguments: tuple[Place | None, ...]  # None for `time`
+
+
+@dataclass
+class Table:
+    """What the loop needs of a diagram, position-independent; see `cosim.engine` for the columns."""
+
+    network: Network
+    arena: np.ndarray
+    operations: np.ndarray
+    banks: np.ndarray
+    calls: list[Call]
+    initial: tuple[int, int]
+    point: tuple[int, int]
+    between: tuple[int, int]
+    states: int
+    vectors: dict[str, int]  # offsets of X, W, START, SUM, D
+    places: dict[Signal, Place] = field(default_factory=dict)
+
+    def signal(self, signal: Signal, arena: np.ndarray) -> np.ndarray:
+        """A signal over all instances, as a view into an arena."""
+        place = self.places[signal]
+        return np.ndarray(self.network.shape(signal), place.dtype, arena.data, place.offset)
+
+    def owner(self, element: int) -> tuple[Signal, int]:
+        """Whose state an element of the state vector is, and of which instance (from 0)."""
+        at = self.vectors["X"] + element * 8
+        for signal, place in self.places.items():
+            size = int(np.prod(self.network.shape(signal))) * place.dtype.itemsize
+            if isinstance(self.network.variable(signal), State) and place.offset <= at < place.offset + size:
+                return signal, (at - place.offset) // place.stride if place.stride else 0
+        raise IndexError(element)
+
+
+def build(network: Network, method: str) -> Table:
+    """Lay out a network for one of the methods ``jacobi``, ``gauss-seidel``, ``joint``. Raises: DiagramErrors."""
+    return _Builder(network, method).table()
+
+
+class _Builder:
+    def __init__(self, network: Network, method: str) -> None:
+        self.network = network
+        self.method = method
+        self.size = 0
+        self.writes: list[tuple[int, np.ndarray]] = []  # what the arena starts with
+        self.places: dict[Signal, Place] = {}
+        self.next: dict[Signal, Place] = {}  # discrete states after the next update
+        self.scratch: dict[Signal, Place] = {}  # outputs that derivatives read, inside an integration
+        self.calls: list[Call] = []
+        self.operations: list[list[int]] = []
+        self.banks: list[list[int]] = []
+        self.vectors: dict[str, int] = {}
+        self.states = 0
+
+    def table(self) -> Table:
+        self._lay_out()
+        evaluation = order.evaluation_order(self.network)
+        initial = self._initial(order.initial_order(self.network))
+        point = self._point(evaluation)
+        between = self._between(evaluation)
+        arena = _zeros(self.size)
+        for offset, data in self.writes:
+            arena[offset : offset + data.nbytes] = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
+        return Table(
+            network=self.network,
+            arena=arena,
+            operations=np.array(self.operations, np.int64).reshape(-1, engine.OPERATION_WORDS),
+            banks=np.array(self.banks, np.int64).reshape(-1, engine.BANK_WORDS),
+            calls=self.calls,
+            initial=initial,
+            point=point,
+            between=between,
+            states=self.states,
+            vectors=self.vectors,
+            places=self.places,
+        )
+
+    # ---- memory ----
+
+    def _allocate(self, size: int) -> int:
+        offset = self.size
+        self.size += -(-size // ALIGNMENT) * ALIGNMENT
+        return offset
+
+    def _store(self, slave: Slave, variable: Variable, instances: int) -> Place:
+        shape = slave.shape(variable)
+        size = int(np.prod(shape)) * variable.dtype.itemsize
+        return Place(self._allocate(size * instances), size if instances > 1 else 0, shape, variable.dtype)
+
+    def _lay_out(self) -> None:
+        """A place for every variable: states in the state vector, the others where they come."""
+        continuous = [(s, v) for s in self.network.slaves.values() for v in s.declaration.continuous()]
+        self.states = sum(s.count * int(np.prod(s.shape(v))) for s, v in continuous)
+        for name in ("X", "W", "START", "SUM", "D"):
+            self.vectors[name] = self._allocate(8 * self.states)
+        at = self.vectors["X"]
+        for slave, state in continuous:
+            shape = slave.shape(state)
+            size = 8 * int(np.prod(shape))
+            self._place(slave, state, Place(at, size if slave.count > 1 else 0, shape, state.dtype))
+            at += size * slave.count
+        for slave in self.network.slaves.values():
+            needed = {name for f in order.needed_outputs(slave) for name in f.writes}
+            for variable in slave.declaration.variables.values():
+                signal = Signal(slave.name, variable.name)
+                if signal in self.places or variable.name in slave.wires:
+                    continue
+                given = slave.values.get(variable.name)
+                shared = isinstance(variable, (Parameter, Input)) and given is not None and len(given) == 1
+                self._place(slave, variable, self._store(slave, variable, 1 if shared else slave.count))
+                if isinstance(variable, State):
+                    self.next[signal] = self._store(slave, variable, slave.count)
+                if variable.name in needed:
+                    self.scratch[signal] = self._store(slave, variable, slave.count)
+        for slave in self.network.slaves.values():
+            for port in slave.wires:
+                self._connect(slave, port)
+
+    def _place(self, slave: Slave, variable: Variable, place: Place) -> None:
+        self.places[Signal(slave.name, variable.name)] = place
+        given = slave.values.get(variable.name)
+        if given is not None:
+            instances = slave.count if place.stride else 1
+            full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
+            self.writes.append((place.offset, np.array(full, variable.dtype)))
+
+    def _connect(self, slave: Slave, port: str) -> None:
+        """The place of a wired input: its source's own memory, or new memory where several sources are joined."""
+        variable = slave.declaration.variables[port]
+        shape = slave.shape(variable)
+        size = int(np.prod(shape)) * variable.dtype.itemsize
+        if order.is_joined(slave, port):
+            place = self._store(slave, variable, slave.count)
+        else:
+            source = slave.wires[port][0]
+            there = self.places[source]
+            mapped = slave.fleet is not None and len(self.network.shape(source)) == len(shape) + 1
+            place = Place(there.offset, size if mapped else 0, shape, variable.dtype)
+        self.places[Signal(slave.name, port)] = place
+
+    # ---- operations ----
+
+    def _operation(self, kind: int, a: int, b: int = 0, c: int = 0, every: int = 1, at_end: int = 0) -> None:
+        self.operations.append([kind, a, b, c, every, at_end, 0, 0])
+
+    def _range(self, begin: int) -> tuple[int, int]:
+        return begin, len(self.operations)
+
+    def _copy(self, to: int, source: int, size: int, every: int = 1) -> None:
+        self._operation(engine.COPY, to, source, -(-size // 8), every)
+
+    def _call(self, slave: Slave, function: Function, stage: bool = False, at_end: int = 0, every: int = 1) -> None:
+        """A row that calls a function; stage: on the states (and outputs) of an integration's stage."""
+        arguments = tuple(self._argument(slave, name, stage) for name in function.arguments)
+        sizes = [slave.axes[name].size for name in run_time_dimensions(slave.declaration, slave.constants())]
+        words = [0, slave.count, *sizes]
+        for place in arguments:
+            if place is not None:
+                words += [place.offset, place.stride]
+        frame = self._allocate(8 * len(words))
+        self.writes.append((frame, np.array(words, np.int64)))
+        self._operation(engine.CALL, len(self.calls), frame, every=every, at_end=at_end)
+        self.calls.append(Call(slave.name, function, slave.count, frame, arguments))
+
+    def _argument(self, slave: Slave, name: str, stage: bool) -> Place | None:
+        if name == "time":
+            return None
+        signal = Signal(slave.name, variable_of(slave.declaration, name).name)
+        place = self.places[signal]
+        continuous = self.vectors["X"] <= place.offset < self.vectors["X"] + 8 * self.states
+        if name not in slave.declaration.variables:  # d_x or next_x
+            return self._moved(place, "D") if continuous else self.next[signal]
+        if stage and isinstance(slave.declaration.variables[name], State) and continuous:
+            return self._moved(place, "W")
+        return self.scratch.get(signal, place) if stage else place
+
+    def _moved(self, place: Place, vector: str) -> Place:
+        """The same element of another vector of the state vector's layout."""
+        return Place(place.offset - self.vectors["X"] + self.vectors[vector], place.stride, place.shape, place.dtype)
+
+    def _initial(self, tasks: Iterable[order.Task]) -> tuple[int, int]:
+        """Calculated parameters, start functions and outputs at time zero; given start values win over computed ones."""
+        begin = len(self.operations)
+        for slave in self.network.slaves.values():
+            for function in slave.declaration.kind("calculate"):
+                self._call(slave, function)
+        for task in tasks:
+            slave = self.network.slaves[task.slave]
+            self._task(task)
+            for function in slave.declaration.kind("start"):
+                if function.name == task.function:
+                    for name in sorted(function.writes & slave.given):
+                        self._restore(slave, name)
+        for signal, place in self.next.items():
+            self._copy(place.offset, self.places[signal].offset, self._bytes(signal))
+        return self._range(begin)
+
+    def _restore(self, slave: Slave, name: str) -> None:
+        place = self.places[Signal(slave.name, name)]
+        full = np.broadcast_to(slave.values[name], (slave.count, *place.shape))
+        offset = self._allocate(full.size * place.dtype.itemsize)
+        self.writes.append((offset, np.array(full, place.dtype)))
+        self._copy(place.offset, offset, full.size * place.dtype.itemsize)
+
+    def _bytes(self, signal: Signal) -> int:
+        return int(np.prod(self.network.shape(signal))) * self.places[signal].dtype.itemsize
+
+    def _task(self, task: order.Task, at_end: int = 0) -> None:
+        slave = self.network.slaves[task.slave]
+        if task.function:
+            function = next(f for f in slave.declaration.functions if f.name == task.function)
+            every = slave.every if order.is_sampled(slave) and function.kind == "outputs" else 1
+            self._call(slave, function, at_end=at_end, every=every)
+            return
+        to = self.places[Signal(slave.name, task.port)].offset
+        for source in slave.wires[task.port]:
+            size = self._bytes(source)
+            self._copy(to, self.places[source].offset, size)
+            to += size
+
+    def _point(self, tasks: Iterable[order.Task]) -> tuple[int, int]:
+        """At a communication point: sampled states take their next value, then outputs are evaluated in order."""
+        begin = len(self.operations)
+        for signal, place in self.next.items():
+            every = self.network.slaves[signal.slave].every
+            self._copy(self.places[signal].offset, place.offset, self._bytes(signal), every)
+        for task in tasks:
+            self._task(task)
+        return self._range(begin)
+
+    def _between(self, tasks: list[order.Task]) -> tuple[int, int]:
+        """From one communication point to the next: sampled updates, then the method's integrations."""
+        slaves = self.network.slaves.values()
+        banks = {"jacobi": self._jacobi, "gauss-seidel": self._gauss_seidel, "joint": self._joint}[self.method](tasks)
+        begin = len(self.operations)
+        for slave in slaves:
+            for function in slave.declaration.kind("update"):
+                self._call(slave, function, every=slave.every)
+        banks()
+        return self._range(begin)
+
+    def _jacobi(self, tasks: list[order.Task]):  # type: ignore[no-untyped-def]
+        """Every slave on its own with its inputs held; all new states are published at once."""
+        banks = [self._bank(s, in_place=0) for s in self.network.slaves.values() if s.declaration.continuous()]
+
+        def between() -> None:
+            for bank in banks:
+                self._operation(engine.INTEGRATE, bank)
+            if banks:
+                self._copy(self.vectors["X"], self.vectors["W"], 8 * self.states)
+
+        return between
+
+    def _gauss_seidel(self, tasks: list[order.Task]):  # type: ignore[no-untyped-def]
+        """One slave after the other, each publishing its states and outputs before the next one steps."""
+        last = {task.slave: k for k, task in enumerate(tasks)}
+        ordered = sorted(self.network.slaves.values(), key=lambda s: last.get(s.name, -1))
+        banks = {s.name: self._bank(s, in_place=1) for s in ordered if s.declaration.continuous()}
+
+        def between() -> None:
+            for slave in ordered:
+                own = [t for t in tasks if t.slave == slave.name and not order.is_sampled(slave)]
+                for task in own:
+                    if not task.function:
+                        self._task(task)
+                if slave.name in banks:
+                    self._operation(engine.INTEGRATE, banks[slave.name])
+                for task in own:
+                    if task.function:
+                        self._task(task, at_end=1)
+
+        return between
+
+    def _joint(self, tasks: list[order.Task]):  # type: ignore[no-untyped-def]
+        """All slaves as one system: outputs and derivatives of all of them at every stage."""
+        slaves = self.network.slaves.values()
+        begin = len(self.operations)
+        for slave in slaves:
+            for function in slave.declaration.kind("derivatives"):
+                self._call(slave, function)
+        first = self._range(begin)
+        begin = len(self.operations)
+        for task in tasks:
+            if not order.is_sampled(self.network.slaves[task.slave]):
+                self._task(task)
+        for slave in slaves:
+            for function in slave.declaration.kind("derivatives"):
+                self._call(slave, function)
+        run = self.network.diagram.run
+        self._add_bank(0, self.states, 1, run.integrator, run.inner_steps, first, self._range(begin))
+        return lambda: self._operation(engine.INTEGRATE, len(self.banks) - 1)
+
+    def _bank(self, slave: Slave, in_place: int) -> int:
+        """The states of one slave, and the operations that give their derivatives."""
+        states = slave.declaration.continuous()
+        at = (self.places[Signal(slave.name, states[0].name)].offset - self.vectors["X"]) // 8
+        size = sum(slave.count * int(np.prod(slave.shape(s))) for s in states)
+        begin = len(self.operations)
+        for function in slave.declaration.kind("derivatives"):
+            self._call(slave, function)
+        first = self._range(begin)
+        begin = len(self.operations)
+        for function in (*order.needed_outputs(slave), *slave.declaration.kind("derivatives")):
+            self._call(slave, function, stage=not in_place)
+        self._add_bank(at, at + size, in_place, slave.method, slave.inner_steps, first, self._range(begin))
+        return len(self.banks) - 1
+
+    def _add_bank(
+        self,
+        begin: int,
+        end: int,
+        in_place: int,
+        method: str,
+        inner_steps: int,
+        first: tuple[int, int],
+        inner: tuple[int, int],
+    ) -> None:
+        kind = {"euler": engine.EULER, "rk4": engine.RK4}[method]
+        self.banks.append([begin, end, in_place, kind, inner_steps, *first, *inner])
+
+
+def _zeros(size: int) -> np.ndarray:
+    """Zeroed memory on an aligned address."""
+    raw = np.zeros(size + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    return raw[start : start + size]
+
+
+def copy_of(arena: np.ndarray) -> np.ndarray:
+    """Another arena with the same content."""
+    new = _zeros(arena.size)
+    new[:] = arena
+    return new
