@@ -256,7 +256,7 @@ def _function(declaration: Declaration, name: str, kind: str, python: Any, writt
             writes.add(argument)
         elif argument in declaration.variables:
             variable = declaration.variables[argument]
-            target = {"calculate": CalculatedParameter, "start": State, "outputs": (Output, Local)}.get(kind)
+            target: Any = {"calculate": CalculatedParameter, "start": State, "outputs": (Output, Local)}.get(kind)
             if target and isinstance(variable, target) and argument not in written:
                 writes.add(argument)
         elif argument != "time":
@@ -298,6 +298,6 @@ class Block:
 
 
 class Measure(Block):
-    """Base class of measuring blocks: their inputs may tap local variables, and only measures may read their outputs."""
+    """Base class of measuring blocks: they may tap local variables, and only measures may read their outputs."""
 
     measuring = True

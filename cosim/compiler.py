@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from cosim.kernels import Source
 
 #: Functions of the C library that object code may call; anything else would need a run time of numba's.
-LIBC = frozenset(
+_LIBC = (
     "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10 log1p pow sqrt "
     "cbrt hypot floor ceil trunc rint round fabs fmod erf erfc tgamma lgamma ldexp frexp fma fmin fmax sincos memset "
-    "memcpy memmove nearbyint copysign modf".split()
+    "memcpy memmove nearbyint copysign modf"
 )
+LIBC = frozenset(_LIBC.split())
 
 
 def compile_object(name: str, sources: Iterable[Source]) -> bytes:
@@ -42,7 +43,7 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
     from numba.core.runtime import nrtdynmod
 
     signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
-    flags = Flags()
+    flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
     with global_compiler_lock:

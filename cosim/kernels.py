@@ -28,9 +28,7 @@ import numpy as np
 
 from cosim import native
 from cosim.block import Declaration, Function, Variable
-from cosim.errors import KernelError
 
-FORMAT = 1  # of the cached files and of the ABI: a change here invalidates every cache
 FIRST_ARGUMENT = 2  # words of a frame before the sizes of the run-time dimensions
 
 
@@ -97,7 +95,10 @@ def _key(parts: Iterable[str]) -> str:
 
 @cache
 def _compilers() -> tuple[str, ...]:
-    return (version("numba"), version("llvmlite"), f"{sys.version_info[:2]}", str(FORMAT))
+    """The versions of all that turns a function into code, our own part of it included."""
+    own = b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("compiler", "intrinsics"))
+    versions = (version("numba"), version("llvmlite"), f"{sys.version_info[:2]}")
+    return (*versions, hashlib.sha256(own).hexdigest())
 
 
 def _write(path: Path, code: bytes) -> None:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cosim import diagram as diagrams
 from cosim import metrics as reductions
 from cosim import results, simulation, table, wiring
@@ -53,7 +55,7 @@ class Outcome:
 
     def as_json(self) -> str:
         """One JSON object; NaN and infinity are null."""
-        names = "diagram status steps method engine kernels_compiled seconds metrics results".split()
+        names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
         content = {name: getattr(self, name) for name in names}
         if self.error:
             content["error"] = str(self.error)
@@ -109,7 +111,8 @@ class Run:
         Raises: ResultError if the result cannot be written; everything else is in the outcome.
         """
         writer = self._writer() if self.output else None
-        status, error = "completed", None
+        status = "completed"
+        error: CosimError | None = None
         try:
             self._solve(writer, watch)
         except Diverged as stopped:
@@ -120,7 +123,7 @@ class Run:
             status = "interrupted"
         for signal, reduction in self.metrics.values():
             if isinstance(reduction, Final):
-                reduction.update([self.simulation.time], self.simulation.value(signal)[None])
+                reduction.update(np.array([self.simulation.time]), self.simulation.value(signal)[None])
         outcome = self._outcome(status, error)
         if writer:
             message = error.message if error else ""
@@ -199,9 +202,9 @@ def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:
     for name, metric in network.diagram.metrics.items():
         signal = network.find(str(metric.signal.value), metric.signal.position)
         variable = network.variable(signal)
-        window = [metric.start or None, metric.stop if math.isfinite(metric.stop) else None]
+        start, stop = metric.start or None, metric.stop if math.isfinite(metric.stop) else None
         try:
-            reduction = reductions.reduction(metric.reduce, *window, variable.dtype, network.shape(signal))
+            reduction = reductions.reduction(metric.reduce, start, stop, variable.dtype, network.shape(signal))
             found[name] = signal, reduction
         except MetricError as error:
             problems.add(MetricError(f"metric {name}: {error.message}", metric.position, error.fix))

@@ -116,7 +116,9 @@ class Simulation:
 
     def _build_control(self, functions: np.ndarray) -> None:
         table = self.table
-        rows, probes, self._buffers = [], [], []
+        rows: list[list[int]] = []
+        probes: list[list[int]] = []
+        self._buffers: list[np.ndarray] = []
         for group in self.probes:
             begin = len(probes)
             for signal in group.signals:

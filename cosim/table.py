@@ -222,7 +222,7 @@ class _Builder:
         return Place(place.offset - self.vectors["X"] + self.vectors[vector], place.stride, place.shape, place.dtype)
 
     def _initial(self, tasks: Iterable[order.Task]) -> tuple[int, int]:
-        """Calculated parameters, start functions and outputs at time zero; given start values win over computed ones."""
+        """Calculated parameters, start functions, outputs at time zero; given start values win over computed ones."""
         begin = len(self.operations)
         for slave in self.network.slaves.values():
             for function in slave.declaration.kind("calculate"):
@@ -273,65 +273,39 @@ class _Builder:
 
     def _between(self, tasks: list[order.Task]) -> tuple[int, int]:
         """From one communication point to the next: sampled updates, then the method's integrations."""
-        slaves = self.network.slaves.values()
-        banks = {"jacobi": self._jacobi, "gauss-seidel": self._gauss_seidel, "joint": self._joint}[self.method](tasks)
+        banks = self._joint_bank(tasks) if self.method == "joint" else self._banks()
         begin = len(self.operations)
-        for slave in slaves:
+        for slave in self.network.slaves.values():
             for function in slave.declaration.kind("update"):
                 self._call(slave, function, every=slave.every)
-        banks()
+        if self.method == "gauss-seidel":
+            self._one_after_the_other(tasks, banks)
+        else:
+            for bank in banks.values():
+                self._operation(engine.INTEGRATE, bank)
+        if self.method == "jacobi" and banks:
+            self._copy(self.vectors["X"], self.vectors["W"], 8 * self.states)
         return self._range(begin)
 
-    def _jacobi(self, tasks: list[order.Task]):  # type: ignore[no-untyped-def]
-        """Every slave on its own with its inputs held; all new states are published at once."""
-        banks = [self._bank(s, in_place=0) for s in self.network.slaves.values() if s.declaration.continuous()]
-
-        def between() -> None:
-            for bank in banks:
-                self._operation(engine.INTEGRATE, bank)
-            if banks:
-                self._copy(self.vectors["X"], self.vectors["W"], 8 * self.states)
-
-        return between
-
-    def _gauss_seidel(self, tasks: list[order.Task]):  # type: ignore[no-untyped-def]
-        """One slave after the other, each publishing its states and outputs before the next one steps."""
+    def _one_after_the_other(self, tasks: list[order.Task], banks: dict[str, int]) -> None:
+        """Gauss-Seidel: each slave publishes its states and outputs before the next one steps."""
         last = {task.slave: k for k, task in enumerate(tasks)}
-        ordered = sorted(self.network.slaves.values(), key=lambda s: last.get(s.name, -1))
-        banks = {s.name: self._bank(s, in_place=1) for s in ordered if s.declaration.continuous()}
+        for slave in sorted(self.network.slaves.values(), key=lambda s: last.get(s.name, -1)):
+            own = [t for t in tasks if t.slave == slave.name and not order.is_sampled(slave)]
+            for task in own:
+                if not task.function:
+                    self._task(task)
+            if slave.name in banks:
+                self._operation(engine.INTEGRATE, banks[slave.name])
+            for task in own:
+                if task.function:
+                    self._task(task, at_end=1)
 
-        def between() -> None:
-            for slave in ordered:
-                own = [t for t in tasks if t.slave == slave.name and not order.is_sampled(slave)]
-                for task in own:
-                    if not task.function:
-                        self._task(task)
-                if slave.name in banks:
-                    self._operation(engine.INTEGRATE, banks[slave.name])
-                for task in own:
-                    if task.function:
-                        self._task(task, at_end=1)
-
-        return between
-
-    def _joint(self, tasks: list[order.Task]):  # type: ignore[no-untyped-def]
-        """All slaves as one system: outputs and derivatives of all of them at every stage."""
-        slaves = self.network.slaves.values()
-        begin = len(self.operations)
-        for slave in slaves:
-            for function in slave.declaration.kind("derivatives"):
-                self._call(slave, function)
-        first = self._range(begin)
-        begin = len(self.operations)
-        for task in tasks:
-            if not order.is_sampled(self.network.slaves[task.slave]):
-                self._task(task)
-        for slave in slaves:
-            for function in slave.declaration.kind("derivatives"):
-                self._call(slave, function)
-        run = self.network.diagram.run
-        self._add_bank(0, self.states, 1, run.integrator, run.inner_steps, first, self._range(begin))
-        return lambda: self._operation(engine.INTEGRATE, len(self.banks) - 1)
+    def _banks(self) -> dict[str, int]:
+        """A bank for each slave with states; under Jacobi its stages stay hidden until all slaves have stepped."""
+        in_place = int(self.method == "gauss-seidel")
+        slaves = [s for s in self.network.slaves.values() if s.declaration.continuous()]
+        return {slave.name: self._bank(slave, in_place) for slave in slaves}
 
     def _bank(self, slave: Slave, in_place: int) -> int:
         """The states of one slave, and the operations that give their derivatives."""
@@ -339,14 +313,33 @@ class _Builder:
         at = (self.places[Signal(slave.name, states[0].name)].offset - self.vectors["X"]) // 8
         size = sum(slave.count * int(np.prod(slave.shape(s))) for s in states)
         begin = len(self.operations)
-        for function in slave.declaration.kind("derivatives"):
-            self._call(slave, function)
+        self._derivatives(slave)
         first = self._range(begin)
         begin = len(self.operations)
-        for function in (*order.needed_outputs(slave), *slave.declaration.kind("derivatives")):
+        for function in order.needed_outputs(slave):
             self._call(slave, function, stage=not in_place)
-        self._add_bank(at, at + size, in_place, slave.method, slave.inner_steps, first, self._range(begin))
-        return len(self.banks) - 1
+        self._derivatives(slave, stage=not in_place)
+        return self._add_bank(at, at + size, in_place, slave.method, slave.inner_steps, first, self._range(begin))
+
+    def _joint_bank(self, tasks: list[order.Task]) -> dict[str, int]:
+        """One bank of all states: the outputs and derivatives of all slaves at every stage."""
+        slaves = self.network.slaves.values()
+        begin = len(self.operations)
+        for slave in slaves:
+            self._derivatives(slave)
+        first = self._range(begin)
+        begin = len(self.operations)
+        for task in tasks:
+            if not order.is_sampled(self.network.slaves[task.slave]):
+                self._task(task)
+        for slave in slaves:
+            self._derivatives(slave)
+        run = self.network.diagram.run
+        return {"": self._add_bank(0, self.states, 1, run.integrator, run.inner_steps, first, self._range(begin))}
+
+    def _derivatives(self, slave: Slave, stage: bool = False) -> None:
+        for function in slave.declaration.kind("derivatives"):
+            self._call(slave, function, stage)
 
     def _add_bank(
         self,
@@ -357,9 +350,10 @@ class _Builder:
         inner_steps: int,
         first: tuple[int, int],
         inner: tuple[int, int],
-    ) -> None:
+    ) -> int:
         kind = {"euler": engine.EULER, "rk4": engine.RK4}[method]
         self.banks.append([begin, end, in_place, kind, inner_steps, *first, *inner])
+        return len(self.banks) - 1
 
 
 def _zeros(size: int) -> np.ndarray:

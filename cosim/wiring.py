@@ -204,7 +204,7 @@ class _Wiring:
                 slave.fleet, slave.count = entry.per.value, fleets[entry.per.value]
         if entry.period:
             self._attempt(self._period, slave, entry.period)
-        for name, size in (block.declaration.dimensions or {}).items():
+        for name, size in block.declaration.dimensions.items():
             slave.axes[name] = Axis(size.default)
         self._attempt(self._given_dimensions, slave)
         self.slaves[entry.name] = slave
@@ -224,7 +224,7 @@ class _Wiring:
         for name, node in slave.entry.dimensions.items():
             if name in known:
                 slave.axes[name] = Axis(int(node.value))
-            elif not node.inherited:
+            else:
                 message = f"block {slave.name}: {slave.declaration.name} has no dimension `{name}`"
                 self.problems.add(UnknownParameter(message, node.key_position, nearest(name, known)))
 
@@ -241,7 +241,7 @@ class _Wiring:
                 if name in known:
                     slave.given.add(name)
                     self._attempt(self._read_value, slave, known[name], node)
-                elif not node.inherited:
+                else:
                     message = f"block {slave.name}: {declaration.name} has no {kind} `{name}`"
                     self.problems.add(UnknownParameter(message, node.key_position, nearest(name, known)))
         for variable in (*parameters.values(), *starts.values()):
@@ -266,7 +266,7 @@ class _Wiring:
                 sources = node.value if isinstance(node.value, list) else [node]
                 found = [self._attempt(self._source, slave, source) for source in sources]
                 slave.wires[name] = tuple(s for s in found if s)
-            elif not node.inherited:
+            else:
                 message = f"block {slave.name}: {slave.declaration.name} has no input `{name}`"
                 self.problems.add(UnknownPort(message, node.key_position, nearest(name, inputs)))
         for name in inputs:

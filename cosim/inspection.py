@@ -1,0 +1,126 @@
+"""What `cosim check` says of a diagram, and `cosim blocks` of the library, in the terminal."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable
+
+from cosim import library, order
+from cosim.block import Block, Declaration, Dimension, Parameter, State, Variable
+from cosim.entry import BlockEntry
+from cosim.errors import CosimError, Position
+from cosim.source import Node
+from cosim.terminal import print_warnings
+from cosim.wiring import Finding, Network, Slave
+
+
+def print_network(network: Network) -> None:
+    """The slaves in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
+    run = network.diagram.run
+    tasks = order.evaluation_order(network)
+    order.initial_order(network)
+    print(f"{network.diagram.title or network.diagram.path.name}: {len(network.slaves)} blocks, valid")
+    print(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
+    _rows([_slave_row(network, slave) for slave in network.slaves.values()])
+    shown = [f"{t.slave}.{t.function}" for t in tasks if t.function]
+    print(f"\nevaluated in this order: {', '.join(shown)}")
+    if network.findings:
+        print("\nconditions:")
+        for finding in network.findings:
+            print(f"  {'holds ' if finding.holds else 'FAILS '} {_finding(finding)}")
+    broken = [f for f in network.findings if not f.holds]
+    sys.stdout.flush()
+    print_warnings(warning_of(network, finding) for finding in broken)
+
+
+def warning_of(network: Network, finding: Finding) -> CosimError:
+    """A condition that fails, as a warning at its block's place."""
+    return CosimError(_finding(finding), network.slaves[finding.slave].entry.position)
+
+
+def _finding(finding: Finding) -> str:
+    numbers = f": {finding.numbers}" if finding.numbers else ""
+    return f"{finding.slave}: {finding.source or 'condition'}, {finding.text}{numbers}"
+
+
+def _slave_row(network: Network, slave: Slave) -> list[str]:
+    wires = [f"{port} ← {', '.join(map(str, sources))}" for port, sources in slave.wires.items()]
+    count = f"{slave.count} × {slave.declaration.name}" if slave.fleet else slave.declaration.name
+    return [slave.name, count, "; ".join(wires)]
+
+
+def print_blocks(name: str | None) -> None:
+    """All blocks with a line each, or everything about one. Raises: UnknownBlock."""
+    if name is None:
+        blocks = library.all_blocks()
+        _rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
+        print("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
+        return
+    declaration = _block(name).declaration
+    print(f"{declaration.name}\n\n{declaration.doc}\n")
+    for title, causality in (
+        ("inputs", "input"),
+        ("outputs", "output"),
+        ("parameters", "parameter"),
+        ("locals", "local"),
+    ):
+        variables = [v for v in declaration.variables.values() if v.causality == causality]
+        if variables:
+            print(f"{title}:")
+            _rows([_variable_row(declaration, v) for v in variables], indent="  ")
+            print()
+    if declaration.dimensions:
+        print("dimensions:")
+        _rows([[n, f"default {d.default}", d.description] for n, d in _dimensions(declaration)], indent="  ")
+        print()
+    for rule in declaration.rules:
+        print(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
+
+
+def _block(name: str) -> type[Block]:
+    place = Position(name)
+    return library.find(BlockEntry(name, "python" if ".py:" in name else "block", Node(name, place), place))
+
+
+def _dimensions(declaration: Declaration) -> Iterable[tuple[str, Dimension]]:
+    return declaration.dimensions.items()
+
+
+def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
+    shape = f"[{', '.join(map(str, variable.shape))}]" if variable.shape else ""
+    unit = ", ".join(variable.unit) if isinstance(variable.unit, tuple) else variable.unit or ""
+    notes = [variable.description]
+    if isinstance(variable, Parameter):
+        notes.append("required" if variable.start is None else f"default {variable.start}")
+    if variable.causality == "output":
+        notes.append(_feedthrough(declaration, variable))
+    kind = "" if variable.dtype == float else variable.dtype.name
+    return [f"{variable.name}{shape}", unit, kind, "; ".join(n for n in notes if n)]
+
+
+def _feedthrough(declaration: Declaration, variable: Variable) -> str:
+    """What an output depends on at the same instant, in words."""
+    if isinstance(variable, State):
+        return "a state"
+    reached: set[str] = set()
+    waiting = [variable.name]
+    while waiting:
+        writer = declaration.writer(waiting.pop())
+        for name in writer.reads if writer else ():
+            if name not in reached:
+                reached.add(name)
+                waiting.append(name)
+    inputs = [n for n in declaration.variables if n in reached and declaration.variables[n].causality == "input"]
+    return f"direct feedthrough from {', '.join(inputs)}" if inputs else "no direct feedthrough"
+
+
+def _first_line(declaration: Declaration) -> str:
+    return re.split(r"\n\s*\n", declaration.doc)[0].replace("\n", " ") if declaration.doc else ""
+
+
+def _rows(rows: list[list[str]], indent: str = "") -> None:
+    """Print rows in columns."""
+    widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))] if rows else []
+    for row in rows:
+        print((indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))).rstrip())

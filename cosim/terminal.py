@@ -1,0 +1,225 @@
+"""What a person sees: the table of metrics, the progress of a run, and mistakes with the line they were made in."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from cosim.errors import CosimError, DiagramErrors, Position
+from cosim.metrics import for_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+EVENTS_SHOWN = 8
+ELEMENTS_SHOWN = 6
+PATIENCE = 0.3
+"""Seconds of wall-clock time that pass before a progress bar appears: a short run is not worth one."""
+ASCII = str.maketrans({"–": "-", "—": "-", "×": "x", "…": "...", "µ": "u", "²": "2", "³": "3", "√": "sqrt ", "·": "."})
+
+
+def metrics_table(
+    metrics: Mapping[str, Any],
+    previous: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
+    windows: Mapping[str, str] | None = None,
+    file: IO[str] | None = None,
+) -> None:
+    """Print a run's metrics to standard output, or to `file`.
+
+    previous: those of the run before, to be compared with. units, windows: by metric, as text; `str(reduction)` is
+    such a window.
+    """
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    console = _console(file or sys.stdout)
+    table = Table(box=None if _ascii_only(console) else SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    table.add_column("metric", style="bold", overflow="fold")
+    table.add_column("value", justify="right", overflow="fold")
+    table.add_column("unit", overflow="fold")
+    if previous is not None:
+        table.add_column("previous", justify="right", overflow="fold", style="dim")
+        table.add_column("change", justify="right", no_wrap=True)
+    table.add_column("reduction", overflow="fold", style="dim")
+    for name, value in metrics.items():
+        unit = "" if isinstance(value, list) else (units or {}).get(name, "")
+        cells = [name, format_value(value), unit]
+        if previous is not None:
+            cells += [format_value(previous[name]) if name in previous else "", format_change(value, previous, name)]
+        table.add_row(*(_text(console, (cell, "")) for cell in [*cells, (windows or {}).get(name, "")]))
+    console.print(table)
+
+
+def format_value(value: Any) -> str:
+    """A metric's value with four significant digits; events one a line, such as `1–6 at 2.35 s`."""
+    if value is None:
+        return "—"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:#.4g}".removesuffix(".")
+    if not isinstance(value, list):
+        return str(value)
+    if value and isinstance(value[0], Mapping):
+        lines = [_format_event(event) for event in value[:EVENTS_SHOWN]]
+        rest = len(value) - len(lines)
+        return "\n".join([*lines, f"and {rest} more"] if rest else lines)
+    more = ["…"] if len(value) > ELEMENTS_SHOWN else []
+    return f"[{', '.join([*map(format_value, value[:ELEMENTS_SHOWN]), *more])}]" if value else "none"
+
+
+def format_change(value: Any, previous: Mapping[str, Any], name: str) -> str:
+    """What changed since the previous run: `same`, `new`, per cent, a factor from 10 on, or just `changed`."""
+    if name not in previous:
+        return "new"
+    before = previous[name]
+    if for_json(value) == before:  # which comes from a file
+        return "same"
+    if not (_is_number(value) and _is_number(before) and before):
+        return "changed"
+    change = (value - before) / abs(before)
+    if change >= 9:
+        return f"× {value / before:.3g}"
+    return f"{100 * change:+.1f} %" if abs(change) >= 0.001 else f"{100 * change:+.0e} %"
+
+
+class Progress:
+    """A bar with simulated time, speed and time left, on standard error, if a person watches; else nothing.
+
+    As a context manager around a run to `stop` (s), which calls `update(time)` whenever it can.
+    """
+
+    def __init__(self, stop: float, file: IO[str] | None = None) -> None:
+        self._stop = stop
+        self._file = file or sys.stderr
+        self._watched = self._file.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
+        self._began = time.perf_counter()
+        self._bar: Any = None
+
+    def __enter__(self) -> Progress:
+        self._began = time.perf_counter()
+        return self
+
+    def update(self, simulated: float) -> None:
+        """Show how far the run is; simulated time in s."""
+        passed = time.perf_counter() - self._began
+        if not self._watched or passed < PATIENCE:
+            return
+        if self._bar is None:
+            self._open()
+        speed = simulated / passed
+        left = f"{format_duration((self._stop - simulated) / speed)} left" if speed else ""
+        self._bar.update(self._task, completed=simulated, speed=f"{speed:.3g} × real time", left=left)
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _open(self) -> None:
+        from rich.progress import BarColumn, TextColumn
+        from rich.progress import Progress as Bar
+
+        console = _console(self._file)
+        show = [f"{{task.completed:.4g}} / {self._stop:g} s", "{task.fields[speed]}", "{task.fields[left]}"]
+        columns = [TextColumn(_plain(text, console)) for text in show]
+        self._bar = Bar(BarColumn(bar_width=None), *columns, console=console, transient=True, expand=True)
+        self._task = self._bar.add_task("", total=self._stop, speed="", left="")
+        self._bar.start()
+
+
+def format_duration(seconds: float) -> str:
+    """A duration in the two largest units that matter, such as `2 min 5 s`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def print_errors(error: CosimError, file: IO[str] | None = None) -> None:
+    """Print a mistake, or all those of a `DiagramErrors`, to standard error, each with its line and the usual fix."""
+    errors = error.errors if isinstance(error, DiagramErrors) else [error]
+    _print_problems(errors, "error", "bold red", file)
+    if len(errors) > 1:
+        _console(file or sys.stderr).print(f"{len(errors)} errors", style="bold red")
+
+
+def print_warnings(warnings: Iterable[CosimError], file: IO[str] | None = None) -> None:
+    """Print warnings to standard error, in the form of errors."""
+    _print_problems(warnings, "warning", "bold yellow", file)
+
+
+def _print_problems(problems: Iterable[CosimError], kind: str, style: str, file: IO[str] | None) -> None:
+    console = _console(file or sys.stderr)
+    for problem in problems:
+        # The place comes first, as compilers write it, so that terminals and editors make a link of it.
+        where = f"{problem.position}: " if problem.position else ""
+        parts = [(where, "bold"), (f"{kind}: ", style), (problem.message, "")]
+        if problem.position:
+            parts += _excerpt(problem.position, style)
+        if problem.fix:
+            parts += [("\n    ", ""), ("fix: ", "bold green"), (problem.fix.replace("\n", "\n         "), "")]
+        # Soft wrapping leaves the breaking of lines to the terminal, so that links and copies stay whole.
+        console.print(_text(console, *parts), soft_wrap=True)
+
+
+def _excerpt(position: Position, style: str) -> list[tuple[str, str]]:
+    """The line of the file with a caret under the column; nothing if the file has no such line or cannot be read."""
+    from rich.cells import cell_len
+
+    try:
+        lines = Path(position.file).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []
+    if not 0 < position.line <= len(lines):
+        return []
+    line = "".join(c if c.isprintable() else " " for c in lines[position.line - 1])
+    gutter = f"\n{position.line:>7} | "
+    parts = [(gutter, "dim"), (line, "")]
+    if position.column:
+        # Columns count characters, some of which are two cells wide.
+        indent = " " * cell_len(line[: position.column - 1])
+        parts += [(f"\n{'|':>9} {indent}", "dim"), ("^", style)]
+    return parts
+
+
+def _format_event(event: Mapping[str, Any]) -> str:
+    who = "–".join(str(member) for member in event["pair"]) if "pair" in event else str(event["member"])
+    when = event["time"]
+    return f"{who} at {when:.3g} s" if 0 < when < 0.1 else f"{who} at {when:.2f} s"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
+
+
+def _console(file: IO[str]) -> Console:
+    """Colours only on a terminal that has them, and not with NO_COLOR set."""
+    from rich.console import Console
+
+    return Console(file=file, highlight=False, markup=False, emoji=False)
+
+
+def _ascii_only(console: Console) -> bool:
+    return not console.encoding.startswith("utf")
+
+
+def _plain(text: str, console: Console) -> str:
+    """The same text with the characters that the terminal can show."""
+    if not _ascii_only(console):
+        return text
+    return text.translate(ASCII).encode(console.encoding, "replace").decode(console.encoding)
+
+
+def _text(console: Console, *parts: tuple[str, str]) -> Text:
+    """Pieces of text, each with its style, as rich prints them: brackets are brackets, no markup."""
+    from rich.text import Text
+
+    return Text.assemble(*((_plain(text, console), style) for text, style in parts))
