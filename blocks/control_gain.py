@@ -1,0 +1,62 @@
+"""The control gain of an omnidirectional robot: how wheel forces accelerate it."""
+
+import math
+
+from blocks.reference import POSITION
+from cosim.block import Block, Input, Output, Parameter, rule
+
+HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
+
+
+def wheel_directions(theta: float) -> tuple[float, float, float, float, float, float]:
+    """The unit vectors (d_1, d_2, d_3), flat, in which the wheels push at a heading theta (rad): columns of T, (42).
+
+    They are 120 degrees apart, so that d_1 + d_2 + d_3 = 0 and the sum of d_k d_k^T is 1.5 I.
+    """
+    s, c = math.sin(theta), math.cos(theta)
+    return (
+        -s,
+        c,
+        0.5 * s - HALF_ROOT_3 * c,
+        -0.5 * c - HALF_ROOT_3 * s,
+        0.5 * s + HALF_ROOT_3 * c,
+        HALF_ROOT_3 * s - 0.5 * c,
+    )
+
+
+class OmnidirectionalGain(Block):
+    """The control gain g_i = M_i T_i(theta_i) of a three-wheel robot, (42), as observer and controller know it.
+
+    ::
+
+        x ─► g           d v/dt = g u + w
+          ─► g_inverse   u = g^-1 a
+
+        M = diag(1/mass, 1/mass, 1/inertia)
+
+            | -sin(theta)  -sin(pi/3 - theta)   sin(pi/3 + theta) |   | d_1     d_2     d_3    |
+        T = |  cos(theta)  -cos(pi/3 - theta)  -cos(pi/3 + theta) | = |                        |
+            |  radius       radius              radius            |   | radius  radius  radius |
+
+    As the directions d_k sum to zero, row k of the inverse is [2/3 mass d_k^T, inertia / (3 radius)].
+    """
+
+    x = Input(3, unit=POSITION, description="position and heading")
+    mass = Parameter(unit="kg", description="mass")
+    inertia = Parameter(unit="kg.m2", description="moment of inertia")
+    radius = Parameter(unit="m", description="distance of the wheels from the centre")
+    g = Output(3, 3, unit=("1/kg", "1/kg", "1/(kg.m)"), description="control gain; a column for each wheel")
+    g_inverse = Output(3, 3, description="inverse of the control gain; a row for each wheel")
+
+    positive = rule("mass, inertia, radius > 0", "(42)")(lambda mass, inertia, radius: min(mass, inertia, radius) > 0.0)
+
+    def outputs(x, mass, inertia, radius, g, g_inverse):
+        directions = wheel_directions(x[2])
+        for k in range(3):
+            across, along = directions[2 * k], directions[2 * k + 1]
+            g[0, k] = across / mass
+            g[1, k] = along / mass
+            g[2, k] = radius / inertia
+            g_inverse[k, 0] = 2.0 / 3.0 * mass * across
+            g_inverse[k, 1] = 2.0 / 3.0 * mass * along
+            g_inverse[k, 2] = inertia / (3.0 * radius)

@@ -1,0 +1,66 @@
+"""Radial-basis-function network on y = [x; v], with centres d_j = centre_j · [1, …, 1], (6) and (7)."""
+
+import math
+
+from numpy.typing import NDArray
+
+
+def equal_spacing(centres: NDArray) -> float:
+    """The spacing of centres (neurons) that ascend in equal steps; 0 if they do not."""
+    if centres.size < 2:
+        return 0.0
+    spacing = (centres[centres.size - 1] - centres[0]) / (centres.size - 1)
+    for j in range(centres.size):
+        if abs(centres[0] + j * spacing - centres[j]) > 1e-12 * abs(spacing):
+            return 0.0
+    return max(spacing, 0.0)
+
+
+def activations(x: NDArray, v: NDArray, centres: NDArray, width: float, spacing: float, phi: NDArray) -> None:
+    """phi_j = exp(-||y - d_j||^2 / width^2), (7); x, v: (n), centres, phi: (neurons), spacing: `equal_spacing`.
+
+    With equal spacing, the quotient of two neighbours is itself a geometric sequence, so that three exponentials
+    are enough. Going outwards from the centre nearest to y, all quotients are below 1 and nothing can overflow.
+    """
+    if spacing == 0.0:
+        for j in range(phi.size):
+            phi[j] = activation(x, v, centres[j], width)
+        return
+    last = phi.size - 1
+    middle = 0.0
+    for q in range(x.size):
+        middle += x[q] + v[q]
+    middle /= 2 * x.size
+    steps = (middle - centres[0]) / spacing
+    nearest = 0 if not steps > 0.0 else last if steps >= last else int(steps + 0.5)
+    phi[nearest] = activation(x, v, centres[nearest], width)
+    scale = 2 * x.size * spacing / (width * width)
+    shift = 2.0 * (middle - centres[nearest])
+    falling = math.exp(-2.0 * scale * spacing)
+    if nearest < last:
+        quotient = math.exp(scale * (shift - spacing))
+        for j in range(nearest + 1, last + 1):
+            phi[j] = phi[j - 1] * quotient
+            quotient *= falling
+    if nearest > 0:
+        quotient = math.exp(scale * (-shift - spacing))
+        for j in range(nearest - 1, -1, -1):
+            phi[j] = phi[j + 1] * quotient
+            quotient *= falling
+
+
+def activation(x: NDArray, v: NDArray, centre: float, width: float) -> float:
+    """One neuron's activation, (7)."""
+    square = 0.0
+    for q in range(x.size):
+        square += (x[q] - centre) * (x[q] - centre) + (v[q] - centre) * (v[q] - centre)
+    return math.exp(-square / (width * width))
+
+
+def weighted_sum(weights: NDArray, phi: NDArray, w: NDArray) -> None:
+    """w = W^T phi, (6); weights: (neurons, n), phi: (neurons), w: (n)."""
+    for q in range(w.size):
+        w[q] = 0.0
+    for j in range(phi.size):
+        for q in range(w.size):
+            w[q] += weights[j, q] * phi[j]

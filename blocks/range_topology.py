@@ -1,0 +1,67 @@
+"""The communication graph that grows edges between robots that are near each other."""
+
+import math
+
+import numpy as np
+
+from blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
+from blocks.cell_grid import later_near, sort_into_cells
+from blocks.distance import planar_distance
+from cosim.block import Block, Dimension, Input, Local, Output, Parameter, rule
+
+
+def fading_weight(distance: float, eta_1: float, eta_2: float, eta_3: float) -> float:
+    """f(||z||), (44): eta_1 for near robots, falling to 0 around the distance eta_3 (m) with the steepness eta_2 (1/m).
+
+    Written so that no exponential overflows.
+    """
+    z = eta_2 * (distance - eta_3)
+    if z < 0.0:
+        return eta_1 / (1.0 + math.exp(z))
+    near = math.exp(-z)
+    return eta_1 * near / (1.0 + near)
+
+
+class RangeTopology(Block):
+    """The static graph G1 and a range-based graph G2: A = A_1 + A_2, (5) and (44).
+
+    ::
+
+        x ─► neighbours, weights       a_ij = 1             where i hears j in G1
+                                       a_ij = f(||z_ij||)   else, for ||z_ij|| <= R_c
+                                       a_ij = 0             else
+    """
+
+    capacity = Dimension(default=8, description="how many robots one robot can hear at once")
+
+    x = Input("robots", "n", description="positions; the first two channels are planar")
+    hears = Parameter("robots", "heard", dtype=np.int32, unit="1", description="whom each robot hears; 0: nobody")
+    eta_1 = Parameter(unit="1", default=0.2, description="weight of a near robot")
+    eta_2 = Parameter(unit="1/m", default=14.0, description="steepness of the weight's fall")
+    eta_3 = Parameter(unit="m", default=1.1, description="distance of half the weight")
+    R_c = Parameter(unit="m", default=1.5, description="communication range")
+    cells = Local("robots", 2, dtype=np.int64, unit="1", description="work space: cell of each robot")
+    heads = Local("robots", dtype=np.int32, unit="1", description="work space: first robot of each bucket")
+    links = Local("robots", dtype=np.int32, unit="1", description="work space: next robot of a bucket")
+    found = Local("robots", dtype=np.int32, unit="1", description="work space: robots near one robot")
+    count = Local("robots", dtype=np.int32, unit="1", description="number of neighbours")
+    neighbours = Output("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
+    weights = Output("robots", "capacity", unit="1", description="a_ij of each neighbour j")
+
+    range_rule = rule("R_c > 0 and 0 <= eta_1 <= 1", "(5)")(lambda R_c, eta_1: R_c > 0.0 and 0.0 <= eta_1 <= 1.0)
+    numbers = rule("every robot hears other robots, each once", "Section II-B")(names_robots)
+    connected = rule("a strongly connected static graph G1", "Section II-B, Lemma 2")(strongly_connected)
+
+    def outputs(x, hears, eta_1, eta_2, eta_3, R_c, cells, heads, links, found, count, neighbours, weights):
+        begin_with_static(hears, count, neighbours, weights)
+        sort_into_cells(x, R_c, cells, heads, links)
+        for i in range(x.shape[0]):
+            for k in range(later_near(i, cells, heads, links, found)):
+                j = found[k]
+                distance = planar_distance(x, i, j)
+                if distance <= R_c:
+                    weight = fading_weight(distance, eta_1, eta_2, eta_3)
+                    if not is_heard(hears, i, j):
+                        add_neighbour(i, j, weight, count, neighbours, weights)
+                    if not is_heard(hears, j, i):
+                        add_neighbour(j, i, weight, count, neighbours, weights)

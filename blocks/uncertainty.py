@@ -1,0 +1,27 @@
+"""What a robot's model does not know."""
+
+import math
+
+from blocks.reference import POSITION
+from cosim.block import Block, Input, Output, Parameter
+
+
+class Uncertainty(Block):
+    """The uncertain acceleration w_i of robot i at x = [p_x, p_y, theta], Section IV.
+
+    ::
+
+        x ─► w       w_1 = 0.5 sin(p_x) + tanh(p_x) + 0.6 sin(0.6 t + i pi/5)
+                     w_2 = 0.3 sin(p_y) - 1.4 exp(-|p_y| - 1) + 0.8 sin(0.4 t + i pi/5)
+                     w_3 = 0.2 cos(theta) + sin(0.5 t + i pi/5)
+    """
+
+    x = Input(3, unit=POSITION, description="position and heading")
+    number = Parameter(unit="1", default="i", description="the robot's number i")
+    w = Output(3, unit=("m/s2", "m/s2", "rad/s2"), description="uncertainty")
+
+    def outputs(time, x, number, w):
+        phase = number * math.pi / 5.0
+        w[0] = 0.5 * math.sin(x[0]) + math.tanh(x[0]) + 0.6 * math.sin(0.6 * time + phase)
+        w[1] = 0.3 * math.sin(x[1]) - 1.4 * math.exp(-abs(x[1]) - 1.0) + 0.8 * math.sin(0.4 * time + phase)
+        w[2] = 0.2 * math.cos(x[2]) + math.sin(0.5 * time + phase)
