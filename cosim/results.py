@@ -40,8 +40,7 @@ NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."  # with
 CHUNK_BYTES = 64 * 1024
 CHUNK_ROWS = 1024
 WAITING_BYTES = 32 * 1024**2
-INDEX_BYTES = 256  # at most, of HDF5's index for a chunk
-VARIABLE_BYTES = 8 * 1024  # at most, of a new node of that index
+INDEX_BYTES, NODE_BYTES = 256, 8 * 1024  # at most, of HDF5's index: for a chunk, and for a new node
 CLOSING_BYTES = 256 * 1024  # for the attributes written last
 CSV_ROWS = 1024
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
@@ -175,9 +174,8 @@ class ResultWriter:
         import h5py
 
         head = {"created": datetime.now(UTC).isoformat(timespec="seconds"), "versions": versions()}
-        with h5py.File(
-            self.path.name, "w", driver="core", backing_store=False, track_order=True, libver=LIBVER
-        ) as file:
+        memory = {"driver": "core", "backing_store": False}
+        with h5py.File(self.path.name, "w", track_order=True, libver=LIBVER, **memory) as file:
             _write_attributes(file, {"title": "", **head, "status": "running", "message": "", **attributes})
             scales = self._create_scales(file)
             for signal, dims in self._layout():
@@ -199,7 +197,7 @@ class ResultWriter:
         for variable in (self._time, *self._variables.values()):
             rows = variable.chunks[0]
             chunks = -(-count // rows) - -(-self._count // rows)
-            size += chunks * (prod(variable.chunks) * variable.dtype.itemsize + INDEX_BYTES) + VARIABLE_BYTES
+            size += chunks * (prod(variable.chunks) * variable.dtype.itemsize + INDEX_BYTES) + NODE_BYTES
         try:
             os.posix_fallocate(self._file.id.get_vfd_handle(), self._file.id.get_filesize(), size)
         except (AttributeError, OSError) as error:
@@ -216,7 +214,8 @@ class ResultWriter:
             axes = signal.axes if len(signal.axes) == len(signal.shape) - fleet else signal.shape[fleet:]
             own = [axis if isinstance(axis, str) else "axis" for axis in axes]
             unique = [f"{axis}{q}" if own.count(axis) > 1 else axis for q, axis in enumerate(own, start=1)]
-            names = [_fleet_name(signal.fleet)] * fleet + [f"{axis}@{_netcdf_name(signal.name)}" for axis in unique]
+            members = "time_" if signal.fleet == "time" else _netcdf_name(signal.fleet)
+            names = [members] * fleet + [f"{axis}@{_netcdf_name(signal.name)}" for axis in unique]
             yield signal, list(zip(names, signal.shape, strict=True))
 
     def _create_scales(self, file: Any) -> dict[str, Any]:
@@ -319,24 +318,13 @@ def versions() -> dict[str, str]:
 
 
 def _columns(signal: Signal) -> list[str]:
-    if not signal.shape:
-        return [signal.name]
-    return [f"{signal.name}[{','.join(str(q + 1) for q in index)}]" for index in np.ndindex(*signal.shape)]
+    subscripts = (",".join(str(q + 1) for q in index) for index in np.ndindex(*signal.shape))
+    return [f"{signal.name}[{subscript}]" if subscript else signal.name for subscript in subscripts]
 
 
 def _netcdf_name(name: str) -> str:
     """netCDF reserves `/` for groups; a block's name has no dot, so dots keep the names of nested blocks apart."""
     return name.replace("/", ".")
-
-
-def _fleet_name(fleet: str) -> str:
-    return "time_" if fleet == "time" else _netcdf_name(fleet)
-
-
-def _unit_text(unit: str | tuple[str, ...] | None) -> str | None:
-    if isinstance(unit, tuple):
-        return unit[0] if len(set(unit)) == 1 else ", ".join(unit)
-    return unit
 
 
 def _create_variable(file: Any, signal: Signal, scales: Sequence[Any]) -> None:
@@ -348,9 +336,10 @@ def _create_variable(file: Any, signal: Signal, scales: Sequence[Any]) -> None:
     variable = file.create_dataset(_netcdf_name(signal.name), (0, *shape), dtype, **layout)
     for axis, scale in enumerate(scales):
         variable.dims[axis].attach_scale(scale)
-    about = {"signal": signal.name, "units": _unit_text(signal.unit), "long_name": signal.description}
-    about |= {"causality": signal.causality, "fleet": signal.fleet}
-    about |= {"dtype": "bool" if np.dtype(signal.dtype).kind == "b" else None}  # as xarray notes it
+    units = signal.unit if isinstance(signal.unit, tuple) else (signal.unit or "",)
+    about = {"signal": signal.name, "units": ", ".join(units if len(set(units)) > 1 else units[:1])}
+    about |= {"long_name": signal.description, "causality": signal.causality, "fleet": signal.fleet}
+    about |= {"dtype": "bool" if np.dtype(signal.dtype).kind == "b" else ""}  # as xarray notes it
     variable.attrs.update({key: text for key, text in about.items() if text})
 
 
@@ -374,13 +363,11 @@ def _read_signal(variable: Any) -> Signal:
 
 def _write_attributes(file: Any, attributes: Mapping[str, Any]) -> None:
     for key, value in attributes.items():
-        file.attrs[key] = json.dumps(for_json(value), allow_nan=False) if key in JSON_ATTRIBUTES else value
+        file.attrs[key] = json.dumps(for_json(value)) if key in JSON_ATTRIBUTES else value
 
 
 def _read_attribute(key: str, value: Any) -> Any:
-    if key in JSON_ATTRIBUTES:
-        return json.loads(value)
-    return value.item() if isinstance(value, np.generic) else value
+    return json.loads(value) if key in JSON_ATTRIBUTES else for_json(value)
 
 
 def _refuse_foreign(path: Path) -> None:

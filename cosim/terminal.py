@@ -84,7 +84,7 @@ def format_change(value: Any, previous: Mapping[str, Any], name: str) -> str:
     if not (_is_number(value) and _is_number(before) and before):
         return "changed"
     change = (value - before) / abs(before)
-    if change >= 9:
+    if change >= 9 and before > 0:
         return f"× {value / before:.3g}"
     return f"{100 * change:+.1f} %" if abs(change) >= 0.001 else f"{100 * change:+.0e} %"
 

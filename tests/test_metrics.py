@@ -1,0 +1,181 @@
+"""Reductions of a signal over time: the same figures however the samples come in batches."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cosim.errors import MetricError
+from cosim.metrics import REDUCTIONS, for_json, reduction
+
+TIMES = np.arange(301) * 0.1
+
+
+def reduce(name, times, samples, start=None, stop=None, batches=7):
+    """The value of a reduction that gets the samples in batches."""
+    samples = np.asarray(samples)
+    figure = reduction(name, start, stop, samples.dtype, samples.shape[1:])
+    for part in np.array_split(np.arange(len(times)), batches):
+        figure.update(times[part], samples[part])
+    return figure.value()
+
+
+@given(st.integers(1, 40), st.integers(0, 2**32 - 1))
+def test_batches_do_not_matter(batches, seed):
+    x = np.random.default_rng(seed).normal(size=(len(TIMES), 2, 3))
+    assert reduce("max", TIMES, x, batches=batches) == x.max()
+    assert reduce("min", TIMES, x, batches=batches) == x.min()
+    # Summation in another order: n terms of size about one differ by n machine epsilons at most.
+    rounding = x.size * np.finfo(float).eps
+    assert reduce("mean", TIMES, x, batches=batches) == pytest.approx(x.mean(), abs=rounding)
+    assert reduce("rms", TIMES, x, batches=batches) == pytest.approx(math.sqrt(np.mean(x**2)), abs=rounding)
+    assert reduce("final", TIMES, x, batches=batches) == x[-1].tolist()
+
+
+def test_rms_of_a_sine_over_a_period():
+    t = np.arange(1000) / 1000
+    assert reduce("rms", t, 3 * np.sin(2 * np.pi * t)) == pytest.approx(3 / math.sqrt(2), rel=1e-12)
+
+
+def test_window_takes_its_bounds_although_times_are_rounded():
+    times = np.arange(301) * 0.1  # times[3] is 0.30000000000000004
+    x = np.arange(301.0)
+    assert times[3] > 0.3
+    assert reduce("max", times, x, stop=0.3) == 3
+    assert reduce("min", times, x, start=0.1 * 3) == 3
+    assert reduce("min", times, x, start=0.3, stop=0.3) == 3
+    assert reduce("final", times, x, start=10, stop=20) == 200
+    assert reduce("max", times, x, start=0, stop=0) == 0
+
+
+@pytest.mark.parametrize("name", ["max", "min", "mean", "rms", "final"])
+def test_an_empty_window_has_no_value(name):
+    assert reduce(name, TIMES, np.ones(301), start=40) is None
+    assert reduction(name).value() is None
+    assert reduce(name, TIMES, np.ones((301, 0))) is None
+
+
+@pytest.mark.parametrize("name", ["max", "min", "mean", "rms"])
+@pytest.mark.parametrize("at", [0, 150, 300])
+def test_nan_is_not_hidden(name, at):
+    x = np.ones((301, 3))
+    x[at, 1] = np.nan
+    assert math.isnan(reduce(name, TIMES, x))
+    assert json.dumps(for_json({"N": reduce(name, TIMES, x)})) == '{"N": null}'
+
+
+def test_infinity_is_not_hidden_and_overflow_is_silent():
+    x = np.ones(301)
+    x[7] = -np.inf
+    assert reduce("min", TIMES, x) == -math.inf
+    assert reduce("rms", TIMES, np.full(301, 1e300)) == math.inf
+
+
+def test_integers_and_booleans():
+    counts = np.arange(301, dtype=np.int32)
+    assert reduce("max", TIMES, counts) == 300 and isinstance(reduce("max", TIMES, counts), int)
+    assert reduce("rms", TIMES, np.full(301, 200, np.uint8)) == 200
+    flags = counts % 2 == 0
+    assert reduce("max", TIMES, flags) is True
+    assert reduce("mean", TIMES, flags) == 151 / 301
+    assert reduce("final", TIMES, counts) == 300
+
+
+def test_a_batch_may_be_overwritten_by_its_owner():
+    x = np.array([1.0, 2.0])
+    figure = reduction("final")
+    figure.update(np.array([0.0, 1.0]), x)
+    x[:] = 9
+    assert figure.value() == 2.0
+
+
+def test_events_of_the_last_sample_sorted_by_time():
+    rows = np.full((2, 4, 3), np.nan)
+    rows[1, 0] = [2, 3, 10.0]
+    rows[1, 2] = [1, 6, 2.345]
+    times = np.array([0.0, 12.0])
+    assert reduce("events", times, rows, batches=2) == [
+        {"pair": [1, 6], "time": 2.345},
+        {"pair": [2, 3], "time": 10.0},
+    ]
+    assert reduce("events", times, rows, start=5) == [{"pair": [2, 3], "time": 10.0}]
+    assert reduce("events", times, rows[:, :, 1:]) == [{"member": 6, "time": 2.345}, {"member": 3, "time": 10.0}]
+    assert reduce("events", times, rows[:1].repeat(2, axis=0)) == []
+
+
+def test_events_of_every_member_of_a_fleet():
+    rows = np.array([[[[4, 1.5]], [[2, 0.5]]]])  # (1 time, 2 members, 1 row each, 2)
+    assert reduce("events", np.array([2.0]), rows, batches=1) == [
+        {"member": 2, "time": 0.5},
+        {"member": 4, "time": 1.5},
+    ]
+
+
+def test_first_time_that_a_boolean_is_true():
+    flags = np.zeros((301, 3), bool)
+    flags[50:60, 2] = True
+    flags[20:, 0] = True
+    flags[0, 2] = False
+    assert reduce("first", TIMES, flags) == [{"member": 1, "time": TIMES[20]}, {"member": 3, "time": TIMES[50]}]
+    assert reduce("first", TIMES, flags[:, 2]) == TIMES[50]
+    assert reduce("first", TIMES, flags[:, 1]) is None
+    assert reduce("first", TIMES, flags, start=5.5) == [
+        {"member": 1, "time": TIMES[55]},
+        {"member": 3, "time": TIMES[55]},
+    ]
+
+
+def test_first_of_a_matrix_names_pairs():
+    flags = np.zeros((301, 2, 2), bool)
+    flags[100:, 0, 1] = True
+    assert reduce("first", TIMES, flags) == [{"pair": [1, 2], "time": TIMES[100]}]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("maximum",), "did you mean `max`"),
+        (("finl",), "did you mean `final`"),
+        (("max", 20, 10), "must not exceed"),
+        (("max", math.nan, None), "not finite"),
+        (("events", None, None, float, (3,)), "rows"),
+        (("first", None, None, float, (3,)), "boolean"),
+    ],
+)
+def test_mistakes(arguments, said):
+    with pytest.raises(MetricError) as caught:
+        reduction(*arguments)
+    assert said in str(caught.value)
+
+
+def test_text_says_what_is_reduced_when():
+    assert str(reduction("max", 10, 20)) == "max, 10–20 s"
+    assert str(reduction("rms", 10)) == "rms, from 10 s"
+    assert str(reduction("min", None, 2.5)) == "min, to 2.5 s"
+    assert str(reduction("final")) == "final"
+
+
+def test_memory_does_not_grow_with_the_run():
+    import tracemalloc
+
+    figures = [reduction(name, dtype=float, shape=(50, 3)) for name in REDUCTIONS if name != "first"]
+    figures.append(reduction("first", dtype=bool, shape=(50, 3)))
+    batch = np.random.default_rng(0).normal(size=(100, 50, 3))
+
+    def run(batches):
+        for k in range(batches):
+            for figure in figures:
+                figure.update(np.arange(100.0) + 100 * k, batch if figure.dtype == float else batch > 3)
+
+    run(3)
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    run(100)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < batch.nbytes / 4
