@@ -1,0 +1,57 @@
+"""Fixtures: diagrams written in a test, wired, run by either engine."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cosim import run, simulation, table
+from cosim.simulation import Probes, Simulation
+from cosim.wiring import Network, Signal
+
+BLOCKS = Path(__file__).with_name("signal_blocks.py")
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a diagram whose block types are those of `signal_blocks.py` (`python: Gain` for short)."""
+
+    def write_text(text: str, name: str = "diagram.yaml") -> Path:
+        path = tmp_path / name
+        lines = textwrap.dedent(text).replace("type: ", f"python: {BLOCKS}:")
+        path.write_text(lines, encoding="utf-8")
+        return path
+
+    return write_text
+
+
+@pytest.fixture
+def wired(write):
+    """Write and wire a diagram."""
+
+    def wire(text: str, *settings: str, swaps: tuple[str, ...] = ()) -> Network:
+        return run.load(write(text), settings, swaps)
+
+    return wire
+
+
+@pytest.fixture
+def trajectories():
+    """Run a network and return its signals at every step: {name: array (steps + 1, *shape)}."""
+
+    def trajectory(network: Network, *names: str, method: str | None = None, engine: str = "native"):
+        built = table.build(network, method or network.diagram.run.method)
+        signals = tuple(Signal(*name.rsplit(".", 1)) for name in names)
+        kernels = simulation.compile_table(built) if engine == "native" else None
+        one = Simulation(built, kernels, [Probes(signals)])
+        one.initialize()
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
+        for (samples,) in one.batches():
+            for name, signal in zip(names, signals, strict=True):
+                parts[name].append(samples.values[signal].copy())
+        return {name: np.concatenate(arrays) for name, arrays in parts.items()}
+
+    return trajectory
