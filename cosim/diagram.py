@@ -18,7 +18,6 @@ from cosim.errors import (
     CosimError,
     DiagramErrors,
     MetricError,
-    MissingKey,
     Position,
     Problems,
     WrongType,
@@ -80,7 +79,8 @@ class Diagram:
     """A whole diagram, diagrams inside it unfolded (their blocks are called `outer/inner`).
 
     inputs: the ports that each input of the diagram drives where it is a block of another; outputs: the port that each
-    output shows. files: all that were read, the diagram's own first.
+    output shows. files: all that were read, the diagram's own first. unread: the blocks that mistakes keep from being
+    understood, so that a wire to one is no further mistake.
     """
 
     title: str
@@ -93,6 +93,7 @@ class Diagram:
     metrics: dict[str, MetricEntry]
     inputs: dict[str, list[Node]]
     outputs: dict[str, Node]
+    unread: set[str]
 
     def resolved(self) -> str:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
@@ -116,7 +117,7 @@ def load(
     """Read a diagram; `settings` as of --set, `swaps` as of --swap.
 
     With `problems`, mistakes are collected there, and the diagram is returned as far as it can be understood.
-    Raises: DiagramErrors with all mistakes; with `problems`, only if one of its files cannot be read at all.
+    Raises: DiagramErrors with all mistakes; with `problems`, only if the file or one that it extends cannot be read.
     """
     found = Problems() if problems is None else problems
     try:
@@ -146,7 +147,8 @@ def _build(tree: Node, files: list[Path], reader: Reader) -> Diagram:
     record = _record(tree.value["record"], network, run, reader) if "record" in tree.value else None
     metrics = {name: _metric(name, node, network, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}
-    return Diagram(title, path, files, run, fleets, network.blocks, record, known, network.inputs, network.outputs)
+    blocks, inputs, outputs, unread = network.blocks, network.inputs, network.outputs, network.unread
+    return Diagram(title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread)
 
 
 def _run(tree: Node, reader: Reader) -> RunSettings:
@@ -158,8 +160,7 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
         if key in nodes:
             setattr(run, key, reader.positive(nodes[key], f"run.{key}", math.nan))
         else:
-            message = f"the diagram has no `run.{key}`"
-            reader.problems.add(MissingKey(message, section.place, f"write run: {{{key}: {example}}}"))
+            reader.missing(section, f"the diagram has no `run.{key}`", f"write run: {{{key}: {example}}}")
     if "method" in nodes:
         run.method = reader.choice(nodes["method"], "run.method", grammar.METHODS)
     if "integrator" in nodes:
@@ -205,7 +206,7 @@ def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEn
     missing = [key for key in ("signal", "reduce") if key not in entries]
     for key in missing:
         fix = "write signal: block.port" if key == "signal" else f"one of: {', '.join(grammar.REDUCTIONS)}"
-        reader.problems.add(MissingKey(f"metric `{name}` has no `{key}`", node.place, fix))
+        reader.missing(node, f"metric `{name}` has no `{key}`", fix)
     if missing or not reader.endpoint(entries["signal"], f"{where}.signal"):
         return None
     reduce = reader.choice(entries["reduce"], f"{where}.reduce", grammar.REDUCTIONS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cosim import grammar
@@ -17,7 +17,6 @@ from cosim.entry import BlockEntry, read_entry
 from cosim.errors import (
     CircularExtends,
     CosimError,
-    MissingKey,
     Problems,
     TwoDrivers,
     UnknownParameter,
@@ -32,12 +31,16 @@ from cosim.source import Node
 
 @dataclass
 class Network:
-    """The blocks of a diagram and its own ports; `shown` has the outputs of each diagram that was unfolded."""
+    """The blocks of a diagram and its own ports.
 
-    blocks: dict[str, BlockEntry]
-    inputs: dict[str, list[Node]]
-    outputs: dict[str, Node]
-    shown: dict[str, dict[str, Node]]
+    shown: the outputs of each diagram that was unfolded. unread: the blocks that could not be understood.
+    """
+
+    blocks: dict[str, BlockEntry] = field(default_factory=dict)
+    inputs: dict[str, list[Node]] = field(default_factory=dict)
+    outputs: dict[str, Node] = field(default_factory=dict)
+    shown: dict[str, dict[str, Node]] = field(default_factory=dict)
+    unread: set[str] = field(default_factory=set)
 
     def rewired(self, node: Node, problems: Problems) -> Node:
         """A source, or a list of them, with an output of an unfolded diagram replaced by the inner port."""
@@ -59,11 +62,12 @@ def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chai
 
     files: gains those that are read. chain: the real paths of the diagrams that this one is inside of.
     """
-    problems, sections = reader.problems, tree.value
-    written: dict[str, Node] = sections["blocks"].value if "blocks" in sections else {}
+    problems, written = reader.problems, _section(tree, "blocks")
     if not written:
-        problems.add(MissingKey("the diagram has no `blocks`", tree.position, "write `blocks:` and a block below it"))
-    network = Network({}, {}, {}, {})
+        reader.missing(
+            tree.value.get("blocks", tree), "the diagram has no `blocks`", "write `blocks:` and one below it"
+        )
+    network = Network()
     chain = (*chain, os.path.realpath(path))
     overlays = _overlays(written)
     for name, node in written.items():
@@ -75,6 +79,8 @@ def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chai
             _unfold(network, entry, below, files, reader, chain)
         elif entry:
             network.blocks[name] = entry
+        else:
+            network.unread.add(name)
     for block in network.blocks.values():
         block.inputs = {port: network.rewired(node, problems) for port, node in block.inputs.items()}
     for name, node in _section(tree, "inputs").items():
@@ -104,17 +110,18 @@ def _unfold(
     chain: tuple[str, ...],
 ) -> None:
     """Add the blocks of the diagram that `outer` is, with what `outer` says of them."""
-    network.shown[outer.name] = {}
     try:
         inner = _read(outer, overlay, files, reader, chain)
     except CosimError as error:
         reader.problems.add(error)
+        network.unread.add(outer.name)
         return
     names = {name: f"{outer.name}/{name}" for name in inner.blocks}
     blocks = {name: _renamed(entry, names, outer, reader.problems) for name, entry in inner.blocks.items()}
     _hand_values(outer, blocks, reader.problems)
     _hand_wires(outer, inner, blocks, reader.problems)
     network.shown[outer.name] = {port: _moved(node, names) for port, node in inner.outputs.items()}
+    network.unread |= {f"{outer.name}/{name}" for name in inner.unread}
     network.blocks.update({entry.name: entry for entry in blocks.values()})
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import grammar
-from cosim.errors import MissingKey, Position, UnknownKey, WrongType, WrongValue
+from cosim.errors import Position, UnknownKey, WrongType, WrongValue
 from cosim.grammar import Reader
 from cosim.source import Node, describe
 
@@ -86,7 +86,7 @@ def read_entry(name: str, node: Node, reader: Reader) -> BlockEntry | None:
     kinds = [kind for kind in grammar.TYPES if kind in node.value]
     if not kinds:
         fix = "write `block: ClassName`, or python:, fmu: or diagram:"
-        reader.problems.add(MissingKey(f"block `{name}` has no type", node.place, fix))
+        reader.missing(node, f"block `{name}` has no type", fix)
         return None
     for kind in kinds[1:]:
         message = f"block `{name}` has two types, `{kinds[0]}` and `{kind}`"

@@ -9,7 +9,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
 
-from cosim.errors import CosimError, Problems, UnknownKey, WrongType, WrongValue, nearest
+from cosim.errors import CosimError, MissingKey, Problems, UnknownKey, WrongType, WrongValue, nearest
 from cosim.expression import evaluate
 from cosim.source import Node, describe
 
@@ -79,6 +79,11 @@ class Reader:
     def wrong(self, node: Node, message: str, fix: str, error: type[CosimError] = WrongType) -> None:
         """Report a wrong value."""
         self.problems.add(error(message, node.position, fix))
+
+    def missing(self, node: Node, message: str, fix: str) -> None:
+        """Report that a mapping lacks something, unless what stands in its place is known to be no mapping."""
+        if not any(isinstance(e, WrongType) and e.position == node.position for e in self.problems.errors):
+            self.problems.add(MissingKey(message, node.place, fix))
 
     def text(self, node: Node, name: str) -> str:
         """A text; "" for anything else."""
