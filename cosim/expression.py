@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 
@@ -66,10 +67,9 @@ def evaluate(text: str, names: Names | None = None, position: Position | None = 
 def names(text: str) -> frozenset[str]:
     """The names that an expression uses, functions and constants among them; none if it cannot be read."""
     try:
-        tree = ast.parse(text.strip(), mode="eval")
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return frozenset(node.id for node in ast.walk(_parse(text)) if isinstance(node, ast.Name))
+    except ExpressionError:
         return frozenset()
-    return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
 
 
 @lru_cache(maxsize=4096)
@@ -78,14 +78,26 @@ def _read(text: str) -> Evaluator:
 
     Raises: ExpressionError.
     """
+    try:
+        return _build(_parse(text), text)
+    except RecursionError:
+        raise _unreadable(text) from None
+
+
+def _parse(text: str) -> ast.expr:
     if len(text) > _LONGEST:
         raise ExpressionError(f"an expression of {len(text)} characters is too long", fix=f"at most {_LONGEST}")
     try:
-        tree = ast.parse(text.strip(), mode="eval")
-        return _build(tree.body, text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        message = f"`{text}` is neither a number nor an arithmetic expression"
-        raise ExpressionError(message, fix='write a number, or arithmetic such as "2*pi/3"') from None
+        raise _unreadable(text) from None
+
+
+def _unreadable(text: str) -> ExpressionError:
+    message = f"`{text}` is neither a number nor an arithmetic expression"
+    return ExpressionError(message, fix='write a number, or arithmetic such as "2*pi/3"')
 
 
 def _build(node: ast.expr, text: str) -> Evaluator:

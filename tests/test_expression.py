@@ -53,6 +53,12 @@ def test_names_that_an_expression_uses():
     assert names("i +") == frozenset()
 
 
+def test_what_python_would_warn_of_stays_quiet(recwarn):
+    with pytest.raises(ExpressionError):
+        evaluate("1if 2else 3")
+    assert not recwarn.list
+
+
 REFUSED = [
     ("", "neither a number nor", 'write a number, or arithmetic such as "2*pi/3"'),
     ("1 +", "neither a number nor", "arithmetic"),
