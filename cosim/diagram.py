@@ -126,14 +126,16 @@ def load(
         found.add(error)
         raise DiagramErrors(found.errors) from None
     tree = apply_settings(apply_swaps(tree, swaps, found), settings, found)
-    diagram = _build(grammar.conform(tree, found), files, Reader(found))
+    diagram = build(tree, files, found)
     if problems is None:
         found.raise_if_any()
     return diagram
 
 
-def _build(tree: Node, files: list[Path], reader: Reader) -> Diagram:
-    """The diagram of a tree that conforms to the grammar."""
+def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
+    """The diagram of a tree whose layers are merged; mistakes go to `problems`. files: those it was read from."""
+    reader = Reader(problems)
+    tree = grammar.conform(tree, problems)
     path = files[0]
     network = read_network(tree, path, files, reader)
     sections = {key: node.value for key, node in tree.value.items()}

@@ -105,11 +105,18 @@ def apply_settings(tree: Node, settings: Iterable[str], problems: Problems) -> N
         try:
             if not equals:
                 raise UnknownSetting(f"`{setting}` is no setting", position, "write --set run.stop=10")
-            value = source.parse_value(text, position)
-            tree = merge(tree, _overlay(tree, path.strip().split("."), value, DIAGRAM, position))
+            tree = set_value(tree, path.strip(), source.parse_value(text, position), position)
         except CosimError as error:
             problems.add(error)
     return tree
+
+
+def set_value(tree: Node, path: str, value: Node, position: Position) -> Node:
+    """The tree with another value at a dotted path.
+
+    Raises: UnknownSetting.
+    """
+    return merge(tree, _overlay(tree, path.split("."), value, DIAGRAM, position))
 
 
 def _overlay(

@@ -19,7 +19,8 @@ from cosim.block import Local, Output
 from cosim.diagram import Diagram
 from cosim.errors import CosimError, Diverged, MetricError, Problems
 from cosim.metrics import Final, Reduction
-from cosim.simulation import Probes, Samples, Simulation
+from cosim.simulation import Kernels, Probes, Samples, Simulation
+from cosim.table import Table
 from cosim.wiring import Network, Signal
 
 FLUSH_SECONDS = 1.0
@@ -72,10 +73,16 @@ class Run:
     """One run of a wired diagram.
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
+    prepared: a table of this network with its kernels, where there is one already.
     """
 
     def __init__(
-        self, network: Network, engine: str = "native", output: Path | None = None, began: float | None = None
+        self,
+        network: Network,
+        engine: str = "native",
+        output: Path | None = None,
+        began: float | None = None,
+        prepared: tuple[Table, Kernels] | None = None,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         self.network = network
@@ -84,9 +91,10 @@ class Run:
         settings = network.diagram.run
         self.metrics = _metrics(network)
         self._events = _events(network)
-        built = table.build(network, settings.method)
+        built, kernels = prepared or (table.build(network, settings.method), None)
         compiling = clock.perf_counter()
-        kernels = simulation.compile_table(built) if engine == "native" else None
+        if engine == "native" and kernels is None:
+            kernels = simulation.compile_table(built)
         compiled = clock.perf_counter() - compiling
         self.kernels_compiled = kernels.compiled if kernels else 0
         self.simulation = Simulation(built, kernels, self._probes())
@@ -234,12 +242,12 @@ def _unit(network: Network, signal: Signal, reduction: Reduction) -> str:
 
 def _described(network: Network, signal: Signal) -> results.Signal:
     slave, variable = network.slaves[signal.slave], network.variable(signal)
+    axes = slave.signal_axes(variable) or ()
     return results.Signal(
         name=str(signal),
         shape=network.shape(signal),
         dtype=variable.dtype,
-        fleet=slave.fleet or "",
-        axes=tuple(slave.axes[d].fleet or d if isinstance(d, str) else d for d in variable.shape),
+        fleet=(axes[0].fleet if axes else None) or "",
         unit=variable.unit,
         description=variable.description,
         causality=variable.causality,

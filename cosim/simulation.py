@@ -84,11 +84,10 @@ class Simulation:
         self.arena = copy_of(table.arena)
         self.probes = probes
         self._fault: BaseException | None = None
-        self._python = [_interpreted(self, call) for call in table.calls]
         self._keep: list[Any] = []
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
-            memory.interpreted.update(zip(functions, self._python, strict=True))
+            memory.interpreted.update((handle, self._python(n)) for n, handle in enumerate(functions))
             self._run: Callable[..., int] = engine.run
             self._execute: Callable[..., int] = engine.execute
             self._handles = functions
@@ -109,10 +108,14 @@ class Simulation:
         module = kernels.modules[call.slave]
         if module is not None:
             return module.load().address(call.function.name)
-        python = self._python[n]
+        python = self._python(n)
         thunk = KERNEL(lambda time, base, frame: python(time))
         self._keep.append(thunk)
         return ctypes.cast(thunk, ctypes.c_void_p).value or 0
+
+    def _python(self, n: int) -> Callable[[float], int]:
+        """The n-th call as plain Python."""
+        return _interpreted(self, self.table.calls[n])
 
     def _build_control(self, functions: np.ndarray) -> None:
         table = self.table
@@ -218,7 +221,7 @@ class Simulation:
         call_index = int(self.table.operations[operation, engine.A])
         call = self.table.calls[call_index]
         if self._fault is None:
-            self._python[call_index](self.time)
+            self._python(call_index)(self.time)
         cause = self._fault
         text = f"{type(cause).__name__}: {cause}" if cause else "an error that plain Python does not show"
         place = self.table.network.slaves[call.slave].entry.position

@@ -7,7 +7,7 @@ copy of the arena is another run of the same diagram.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,17 @@ class Table:
     states: int
     vectors: dict[str, int]  # offsets of X, W, START, SUM, D
     places: dict[Signal, Place] = field(default_factory=dict)
+    given: dict[Signal, list[tuple[int, int]]] = field(default_factory=dict)  # offsets and instances of set values
+
+    def revalued(self, network: Network, changed: Iterable[Signal]) -> Table:
+        """The same layout with the values that the changed signals have in `network`, from `wiring.revalue`."""
+        arena = copy_of(self.arena)
+        for signal in changed:
+            place = self.places[signal]
+            for offset, instances in self.given.get(signal, ()):
+                view = np.ndarray((instances, *place.shape), place.dtype, arena.data, offset)
+                view[...] = network.slaves[signal.slave].values[signal.variable]
+        return replace(self, network=network, arena=arena)
 
     def signal(self, signal: Signal, arena: np.ndarray) -> np.ndarray:
         """A signal over all instances, as a view into an arena."""
@@ -89,6 +100,7 @@ class _Builder:
         self.places: dict[Signal, Place] = {}
         self.next: dict[Signal, Place] = {}  # discrete states after the next update
         self.scratch: dict[Signal, Place] = {}  # outputs that derivatives read, inside an integration
+        self.given: dict[Signal, list[tuple[int, int]]] = {}
         self.calls: list[Call] = []
         self.operations: list[list[int]] = []
         self.banks: list[list[int]] = []
@@ -116,6 +128,7 @@ class _Builder:
             states=self.states,
             vectors=self.vectors,
             places=self.places,
+            given=self.given,
         )
 
     # ---- memory ----
@@ -160,10 +173,12 @@ class _Builder:
                 self._connect(slave, port)
 
     def _place(self, slave: Slave, variable: Variable, place: Place) -> None:
-        self.places[Signal(slave.name, variable.name)] = place
+        signal = Signal(slave.name, variable.name)
+        self.places[signal] = place
         given = slave.values.get(variable.name)
         if given is not None:
             instances = slave.count if place.stride else 1
+            self.given[signal] = [(place.offset, instances)]
             full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
             self.writes.append((place.offset, np.array(full, variable.dtype)))
 
@@ -239,9 +254,11 @@ class _Builder:
         return self._range(begin)
 
     def _restore(self, slave: Slave, name: str) -> None:
-        place = self.places[Signal(slave.name, name)]
+        signal = Signal(slave.name, name)
+        place = self.places[signal]
         full = np.broadcast_to(slave.values[name], (slave.count, *place.shape))
         offset = self._allocate(full.size * place.dtype.itemsize)
+        self.given[signal].append((offset, slave.count))
         self.writes.append((offset, np.array(full, place.dtype)))
         self._copy(place.offset, offset, full.size * place.dtype.itemsize)
 

@@ -5,8 +5,8 @@ The result is a `Network` of `Slave`s. All mistakes of a diagram are found in on
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -148,6 +148,30 @@ class Network:
 def wire(diagram: Diagram, problems: Problems | None = None) -> Network:
     """Resolve a diagram; `problems` may already hold mistakes. Raises: DiagramErrors with all of them."""
     return _Wiring(diagram, problems or Problems()).network()
+
+
+def revalue(network: Network, values: Mapping[Signal, Value]) -> Network:
+    """The same network with other parameters and start values, of the shapes that it was wired with.
+
+    Nothing is wired again; rules that see a changed value are judged again. Raises: DiagramErrors.
+    """
+    problems = Problems()
+    wiring = _Wiring(network.diagram, problems)
+    changed = {s.slave: replace(network.slaves[s.slave]) for s in values}
+    wiring.slaves = {**network.slaves, **changed}
+    for slave in changed.values():
+        new = {s.variable: v for s, v in values.items() if s.slave == slave.name}
+        variables = slave.declaration.variables
+        arrays = {name: wiring._attempt(wiring._array, slave, variables[name], v) for name, v in new.items()}
+        slave.values = {**slave.values, **{k: v for k, v in arrays.items() if v is not None}}
+    problems.raise_if_any()
+    parametrised = {s.slave for s in values if isinstance(network.variable(s), Parameter)}
+    for slave in wiring.slaves.values():
+        sources = {source.slave for wires in slave.wires.values() for source in wires}
+        if slave.name in changed or sources & parametrised:
+            wiring._rules(slave)
+    problems.raise_if_any()
+    return replace(network, slaves=wiring.slaves)
 
 
 class _Wiring:
