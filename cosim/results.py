@@ -58,14 +58,12 @@ class Signal:
     """One recorded signal.
 
     name: `block.port`. shape: of one sample, the fleet's axis first if the block is one `per:` fleet.
-    axes: the port's declared shape, whose names of dimensions name the further axes.
     """
 
     name: str
     shape: tuple[int, ...] = ()
     dtype: Any = float
     fleet: str = ""
-    axes: tuple[int | str, ...] = ()
     unit: str | tuple[str, ...] | None = None
     description: str = ""
     causality: str = "output"
@@ -208,15 +206,18 @@ class ResultWriter:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
 
     def _layout(self) -> Iterator[tuple[Signal, list[tuple[str, int]]]]:
-        """Each signal with the names and sizes of its dimensions after time."""
+        """Each signal with the names and sizes of its dimensions after time.
+
+        Axes of one size are one dimension (`axis3`, `axis3_2` where a signal has two of them), so that `x - x_hat` of
+        two blocks subtracts element by element, whatever the blocks call their dimensions.
+        """
         for signal in self._signals.values():
             fleet = 1 if signal.fleet else 0
-            axes = signal.axes if len(signal.axes) == len(signal.shape) - fleet else signal.shape[fleet:]
-            own = [axis if isinstance(axis, str) else "axis" for axis in axes]
-            unique = [f"{axis}{q}" if own.count(axis) > 1 else axis for q, axis in enumerate(own, start=1)]
             members = "time_" if signal.fleet == "time" else _netcdf_name(signal.fleet)
-            names = [members] * fleet + [f"{axis}@{_netcdf_name(signal.name)}" for axis in unique]
-            yield signal, list(zip(names, signal.shape, strict=True))
+            own = signal.shape[fleet:]
+            repeated = [own[:q].count(size) + 1 for q, size in enumerate(own)]
+            names = [f"axis{size}" if k == 1 else f"axis{size}_{k}" for size, k in zip(own, repeated, strict=True)]
+            yield signal, list(zip([members] * fleet + names, signal.shape, strict=True))
 
     def _create_scales(self, file: Any) -> dict[str, Any]:
         """The dimensions: time in s, the fleets' members from 1, and each signal's own axes, which have no values."""
@@ -357,8 +358,7 @@ def _read_signal(variable: Any) -> Signal:
     about = variable.attrs
     dtype = np.dtype(bool) if about.get("dtype") == "bool" else variable.dtype
     fleet, description, causality = (about.get(key, "") for key in ("fleet", "long_name", "causality"))
-    axes = variable.shape[2:] if fleet else variable.shape[1:]
-    return Signal(about["signal"], variable.shape[1:], dtype, fleet, axes, about.get("units"), description, causality)
+    return Signal(about["signal"], variable.shape[1:], dtype, fleet, about.get("units"), description, causality)
 
 
 def _write_attributes(file: Any, attributes: Mapping[str, Any]) -> None:
