@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,10 @@ class MetricError(CosimError):
     """A metric whose signal, reduction or time window does not make sense."""
 
 
+class NoAcceptedDraw(CosimError):
+    """Random draws of a study of which none satisfies its conditions."""
+
+
 def nearest(name: str, known: Iterable[str], lead: str = "did you mean") -> str:
     """The usual fix for a misspelt name: the nearest known one, else all of them."""
     names = sorted(known)
@@ -193,6 +198,14 @@ class Problems:
         """Keep one mistake; the mistakes inside a `DiagramErrors` are kept one by one."""
         found = error.errors if isinstance(error, DiagramErrors) else [error]
         self.errors.extend(e for e in found if str(e) not in {str(known) for known in self.errors})
+
+    def attempt(self, stage: Callable[..., Any], *arguments: Any) -> Any:
+        """What a stage returns; None if it raises a mistake, which is kept."""
+        try:
+            return stage(*arguments)
+        except CosimError as error:
+            self.add(error)
+            return None
 
     def raise_if_any(self) -> None:
         """Raise `DiagramErrors` with all mistakes in the order of file, line and column."""

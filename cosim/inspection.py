@@ -6,13 +6,13 @@ import re
 import sys
 from collections.abc import Iterable
 
-from cosim import library, order
+from cosim import library, order, rules
 from cosim.block import Block, Declaration, Dimension, Parameter, State, Variable
 from cosim.entry import BlockEntry
 from cosim.errors import CosimError, Position
+from cosim.network import Finding, Network, Slave
 from cosim.source import Node
 from cosim.terminal import print_warnings
-from cosim.wiring import Finding, Network, Slave
 
 
 def print_network(network: Network) -> None:
@@ -25,11 +25,12 @@ def print_network(network: Network) -> None:
     _rows([_slave_row(network, slave) for slave in network.slaves.values()])
     shown = [f"{t.slave}.{t.function}" for t in tasks if t.function]
     print(f"\nevaluated in this order: {', '.join(shown)}")
-    if network.findings:
+    findings = [*network.findings, *rules.conditions(network)]
+    if findings:
         print("\nconditions:")
-        for finding in network.findings:
+        for finding in findings:
             print(f"  {'holds ' if finding.holds else 'FAILS '} {_finding(finding)}")
-    broken = [f for f in network.findings if not f.holds]
+    broken = [f for f in findings if not f.holds]
     sys.stdout.flush()
     print_warnings(warning_of(network, finding) for finding in broken)
 

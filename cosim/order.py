@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from cosim.block import Function, Input, State
 from cosim.errors import AlgebraicLoop, Problems
-from cosim.wiring import Network, Signal, Slave
+from cosim.network import Network, Signal, Slave
 
 if TYPE_CHECKING:
     import networkx

@@ -19,9 +19,9 @@ from cosim.block import Local, Output
 from cosim.diagram import Diagram
 from cosim.errors import CosimError, Diverged, MetricError, Problems
 from cosim.metrics import Final, Reduction
+from cosim.network import Network, Signal
 from cosim.simulation import Kernels, Probes, Samples, Simulation
 from cosim.table import Table
-from cosim.wiring import Network, Signal
 
 FLUSH_SECONDS = 1.0
 ENGINES = ("native", "python")
@@ -223,7 +223,7 @@ def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:
 def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:
     """The boolean outputs that report something, with the times at which they first do."""
     found = {}
-    for signal in wiring.signals(network):
+    for signal in network.signals():
         if _event_text(network, signal):
             first = reductions.reduction("first", dtype=bool, shape=network.shape(signal))
             found[signal] = signal, first

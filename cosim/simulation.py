@@ -17,8 +17,8 @@ import numpy as np
 
 from cosim import engine, kernels, memory
 from cosim.errors import BlockFailed, Diverged
+from cosim.network import Signal
 from cosim.table import Call, Place, Table, copy_of
-from cosim.wiring import Signal
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 BATCH_SECONDS = 0.04

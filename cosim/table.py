@@ -14,7 +14,7 @@ import numpy as np
 from cosim import engine, order
 from cosim.block import Function, Input, Parameter, State, Variable
 from cosim.kernels import run_time_dimensions, variable_of
-from cosim.wiring import Network, Signal, Slave
+from cosim.network import Network, Signal, Slave
 
 ALIGNMENT = 64
 

@@ -10,7 +10,7 @@ import pytest
 
 from cosim import run, simulation, table
 from cosim.simulation import Probes, Simulation
-from cosim.wiring import Network, Signal
+from cosim.network import Network, Signal
 
 BLOCKS = Path(__file__).with_name("signal_blocks.py")
 

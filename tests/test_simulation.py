@@ -8,7 +8,7 @@ import pytest
 from cosim import simulation, table
 from cosim.errors import BlockFailed, Diverged
 from cosim.simulation import Simulation
-from cosim.wiring import Signal
+from cosim.network import Signal
 
 LOOP = """
 run: {stop: 1, step: 0.01}

@@ -1,0 +1,135 @@
+"""Solves the named dimensions of a diagram from its wires and values."""
+
+from __future__ import annotations
+
+from cosim.block import Variable
+from cosim.errors import FleetMismatch, Problems, UnsolvedDimension, WrongShape
+from cosim.network import Axis, Slave
+from cosim.source import Node
+from cosim.values import Value
+
+
+Values = dict[tuple[str, str], Value]
+
+
+def solve(slaves: dict[str, Slave], values: Values, fleets: dict[str, int], problems: Problems) -> None:
+    """Fill in `Slave.axes`; values: by slave and variable. Mistakes go to `problems`."""
+    _Dimensions(slaves, values, fleets, problems).solve()
+
+
+class _Dimensions:
+    def __init__(self, slaves: dict[str, Slave], values: Values, fleets: dict[str, int], problems: Problems) -> None:
+        self.slaves = slaves
+        self.values = values
+        self.fleets = fleets
+        self.problems = problems
+
+    def solve(self) -> None:
+        """Named dimensions from wires, then from values, until nothing new is learnt."""
+        learnt = True
+        while learnt:
+            before = {n: dict(s.axes) for n, s in self.slaves.items()}
+            for slave in self.slaves.values():
+                for port in list(slave.wires):
+                    self.problems.attempt(self._learn_from_wire, slave, port)
+            for (name, variable), value in self.values.items():
+                slave = self.slaves[name]
+                self.problems.attempt(self._learn_from_value, slave, slave.declaration.variables[variable], value)
+            learnt = any(before[n] != s.axes for n, s in self.slaves.items())
+        if not self.problems.errors:  # else what is missing may only be a consequence
+            for slave in self.slaves.values():
+                self._report_unsolved(slave)
+
+    def _learn_from_wire(self, slave: Slave, port: str) -> None:
+        variable = slave.declaration.variables[port]
+        axes = self._arriving(slave, port)
+        if axes is None:
+            return
+        node = slave.entry.inputs[port]
+        if slave.fleet and len(axes) == len(variable.shape) + 1 and axes[0].size == slave.count:
+            axes = axes[1:]
+        if len(axes) != len(variable.shape):
+            raise self._shape_error(slave, variable, axes, node)
+        for dimension, axis in zip(variable.shape, axes, strict=True):
+            if not self._unify(slave, dimension, axis):
+                raise self._shape_error(slave, variable, axes, node)
+
+    def _arriving(self, slave: Slave, port: str) -> tuple[Axis, ...] | None:
+        """The axes that arrive at an input: those of its source, or of its sources joined along the first axis."""
+        sources = [s for s in slave.wires[port] if s.variable]
+        found = [
+            self.slaves[s.slave].signal_axes(self.slaves[s.slave].declaration.variables[s.variable]) for s in sources
+        ]
+        if not found or any(axes is None for axes in found):
+            return None
+        if not isinstance(slave.entry.inputs[port].value, list):
+            return found[0]
+        rank = max(len(axes) for axes in found if axes is not None)
+        parts = [axes if len(axes) == rank else (Axis(1), *axes) for axes in found if axes is not None]
+        if any(len(axes) != rank or axes[1:] != parts[0][1:] for axes in parts):
+            message = f"block {slave.name}: the sources joined for input `{port}` differ in shape"
+            raise WrongShape(message, slave.entry.inputs[port].position, "join signals that differ in members only")
+        size = sum(axes[0].size for axes in parts)
+        fleet = next((f for f, n in self.fleets.items() if n == size), None)
+        return (Axis(size, slave.fleet or fleet), *parts[0][1:])
+
+    def _unify(self, slave: Slave, dimension: int | str, axis: Axis) -> bool:
+        if isinstance(dimension, int):
+            return dimension == axis.size
+        known = slave.axes.get(dimension)
+        if known is None or (known.size == axis.size and known.fleet is None):
+            slave.axes[dimension] = axis
+            return True
+        return known.size == axis.size
+
+    def _shape_error(self, slave: Slave, variable: Variable, axes: tuple[Axis, ...], node: Node) -> WrongShape:
+        expected = ", ".join(self._dimension_text(slave, d) for d in variable.shape)
+        arrived = ", ".join(f"{a.fleet}: {a.size}" if a.fleet else str(a.size) for a in axes)
+        message = f"block {slave.name}: input `{variable.name}` takes ({expected}), but ({arrived}) arrives"
+        fleet = axes[0].fleet if axes else None
+        fix = f"is `per: {fleet}` missing?" if fleet and not slave.fleet else "wire a signal of that shape"
+        return WrongShape(message, node.position, fix)
+
+    def _dimension_text(self, slave: Slave, dimension: int | str) -> str:
+        known = slave.axes.get(dimension) if isinstance(dimension, str) else None
+        return f"{dimension} = {known.size}" if known else str(dimension)
+
+    def _learn_from_value(self, slave: Slave, variable: Variable, value: Value) -> None:
+        shape = value.shape
+        rank = len(variable.shape)
+        if shape == ():
+            return
+        if slave.fleet and len(shape) == rank + 1:
+            if shape[0] != slave.count:
+                message = (
+                    f"block {slave.name}: `{variable.name}` has {shape[0]} entries for {slave.count} {slave.fleet}s"
+                )
+                fix = f"give one for each {slave.fleet}, or one value for all"
+                raise FleetMismatch(message, value.position, fix)
+            shape = shape[1:]
+        elif len(shape) == rank - 1:  # one row, evaluated for each member of the first axis
+            if not self._unify_all(slave, variable.shape[1:], shape):
+                raise self._value_error(slave, variable, value)
+            return
+        if len(shape) == rank and rank and slave.counts_members(variable.shape[0]):
+            size = slave.axes[variable.shape[0]].size  # type: ignore[index]
+            if shape[0] != size:
+                message = f"block {slave.name}: `{variable.name}` has {shape[0]} entries for a fleet of {size}"
+                raise FleetMismatch(message, value.position, "give one for each member, or an expression in i")
+        if len(shape) != rank or not self._unify_all(slave, variable.shape, shape):
+            raise self._value_error(slave, variable, value)
+
+    def _unify_all(self, slave: Slave, dimensions: tuple[int | str, ...], shape: tuple[int, ...]) -> bool:
+        return all([self._unify(slave, d, Axis(n)) for d, n in zip(dimensions, shape, strict=True)])
+
+    def _value_error(self, slave: Slave, variable: Variable, value: Value) -> WrongShape:
+        expected = ", ".join(self._dimension_text(slave, d) for d in variable.shape)
+        message = f"block {slave.name}: `{variable.name}` has the shape ({expected}), not {value.shape}"
+        return WrongShape(message, value.position, "give a list of that shape, or one number for all elements")
+
+    def _report_unsolved(self, slave: Slave) -> None:
+        names = {d for v in slave.declaration.variables.values() for d in v.shape if isinstance(d, str)}
+        for name in sorted(names - set(slave.axes)):
+            message = f"block {slave.name}: nothing determines the dimension `{name}` of {slave.declaration.name}"
+            fix = f"add `{name}: <size>` under blocks.{slave.name}.dimensions"
+            self.problems.add(UnsolvedDimension(message, slave.entry.position, fix))

@@ -1,0 +1,122 @@
+"""A resolved diagram: slaves with their axes, values and wires, and the signals that they exchange."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.block import Declaration, Input, Variable
+from cosim.diagram import BlockEntry, Diagram
+from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The size of one axis of a signal, and the fleet whose members it counts."""
+
+    size: int
+    fleet: str | None = None
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One variable of one slave."""
+
+    slave: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.slave}.{self.variable}"
+
+
+@dataclass
+class Finding:
+    """Something worth knowing of a valid diagram: a theorem's condition, a delay that a swap brings."""
+
+    slave: str
+    text: str
+    source: str
+    holds: bool
+    numbers: str
+
+
+@dataclass
+class Slave:
+    """One block of a diagram, wired. Values have the shape (instances or 1, *shape of the variable)."""
+
+    name: str
+    entry: BlockEntry
+    declaration: Declaration
+    fleet: str | None = None
+    count: int = 1
+    axes: dict[str, Axis] = field(default_factory=dict)
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    given: set[str] = field(default_factory=set)
+    wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
+    every: int = 1
+    method: str = "euler"
+    inner_steps: int = 1
+
+    def shape(self, variable: Variable) -> tuple[int, ...]:
+        """The shape of a variable in one instance."""
+        return tuple(d if isinstance(d, int) else self.axes[d].size for d in variable.shape)
+
+    def signal_axes(self, variable: Variable) -> tuple[Axis, ...] | None:
+        """The axes of a variable over all instances; None while a dimension is not solved."""
+        if any(isinstance(d, str) and d not in self.axes for d in variable.shape):
+            return None
+        own = tuple(Axis(d) if isinstance(d, int) else self.axes[d] for d in variable.shape)
+        return (Axis(self.count, self.fleet), *own) if self.fleet else own
+
+    def counts_members(self, dimension: int | str) -> bool:
+        """Whether a dimension is the size of a fleet."""
+        return isinstance(dimension, str) and dimension in self.axes and self.axes[dimension].fleet is not None
+
+    def constants(self) -> dict[str, int]:
+        """The dimensions that are compiled into kernels: those of ports, unless a fleet sets them."""
+        ports = (v for v in self.declaration.variables.values() if v.causality in ("input", "output"))
+        names = dict.fromkeys(d for v in ports for d in v.shape if isinstance(d, str))
+        return {name: self.axes[name].size for name in names if self.axes[name].fleet is None}
+
+
+@dataclass
+class Network:
+    """A resolved diagram."""
+
+    diagram: Diagram
+    slaves: dict[str, Slave]
+    findings: list[Finding] = field(default_factory=list)
+
+    def variable(self, signal: Signal) -> Variable:
+        """The declaration of a signal."""
+        return self.slaves[signal.slave].declaration.variables[signal.variable]
+
+    def shape(self, signal: Signal) -> tuple[int, ...]:
+        """The shape of a signal over all instances."""
+        axes = self.slaves[signal.slave].signal_axes(self.variable(signal))
+        assert axes is not None
+        return tuple(a.size for a in axes)
+
+    def find(self, text: str, position: Position | None) -> Signal:
+        """The signal that a recording or metric names; any variable but inputs.
+
+        Raises: UnknownBlock, UnknownPort.
+        """
+        name, _, port = text.rpartition(".")
+        if name not in self.slaves:
+            fix = nearest(name, self.slaves)
+            raise UnknownBlock(f"`{text}`: the diagram has no block `{name}`", position, fix)
+        variables = {k: v for k, v in self.slaves[name].declaration.variables.items() if not isinstance(v, Input)}
+        if port not in variables:
+            message = f"`{text}`: block {name} has no variable `{port}` to record"
+            raise UnknownPort(message, position, nearest(port, variables))
+        return Signal(name, port)
+
+    def signals(self) -> Iterator[Signal]:
+        """All variables of all slaves but inputs, in the order of the diagram."""
+        for slave in self.slaves.values():
+            for variable in slave.declaration.variables.values():
+                if not isinstance(variable, Input):
+                    yield Signal(slave.name, variable.name)
