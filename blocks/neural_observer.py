@@ -4,7 +4,7 @@ import math
 
 from blocks.radial_basis import activations, equal_spacing, weighted_sum
 from blocks.signed_power import common_root, signed_powers
-from blocks.stability_conditions import observer_region
+from blocks.stability_conditions import observer_region, observer_stable
 from cosim.block import Block, CalculatedParameter, Input, Local, Output, Parameter, State, condition, rule
 
 
@@ -50,6 +50,7 @@ class NeuralObserver(Block):
     exponent = rule("0.5 < beta_1 < 1", "Theorem 1")(lambda beta_1: 0.5 < beta_1 < 1.0)
     wide = rule("width > 0", "(7)")(lambda width: width > 0.0)
     learning = rule("gamma_1 > 0 and gamma_2 > 0", "(13)")(lambda gamma_1, gamma_2: min(*gamma_1, *gamma_2, 1.0) > 0.0)
+    stable = condition("A of the error's dynamics is Hurwitz", "Theorem 1, Lemma 4")(observer_stable)
     region = condition("the ultimate bound of the error lies in each band's region (23)", "Theorem 2")(observer_region)
 
     def calculate(beta_1, c_v, centres, root, spacing, lower):

@@ -57,7 +57,7 @@ class RangeTopology(Block):
         sort_into_cells(x, R_c, cells, heads, links)
         for i in range(x.shape[0]):
             for k in range(later_near(i, cells, heads, links, found)):
-                j = found[k]
+                j = int(found[k])
                 distance = planar_distance(x, i, j)
                 if distance <= R_c:
                     weight = fading_weight(distance, eta_1, eta_2, eta_3)

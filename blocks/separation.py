@@ -34,7 +34,7 @@ class Separation(Measure):
     A pair collides when its gap is first 0 or less; it gets a row [i, j, time] with the robots' numbers i < j from 1.
     """
 
-    collision_capacity = Dimension(default=100, description="how many pairs may collide in a run")
+    collision_capacity = Dimension(default=20, description="how many pairs may collide in a run")
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
@@ -64,10 +64,11 @@ class Separation(Measure):
             min_gap[0] = math.inf
             for i in range(x.shape[0]):
                 for k in range(later_near(i, cells, heads, links, found)):
-                    gap = planar_distance(x, i, found[k]) - radii[i] - radii[found[k]]
+                    j = int(found[k])
+                    gap = planar_distance(x, i, j) - radii[i] - radii[j]
                     min_gap[0] = min(min_gap[0], gap)
                     if gap <= 0.0:
-                        remember(touching, i, found[k])
+                        remember(touching, i, j)
             if min_gap[0] <= reach - 2.0 * largest or sees_all(x, reach):
                 return
             reach *= 2.0
@@ -80,7 +81,7 @@ class Separation(Measure):
                 next_collisions[k, q] = collisions[k, q]
             if collisions[k, 0] > 0.0:
                 used = k + 1
-        for k in range(rows):
+        for k in range(touching.shape[0]):
             if touching[k, 0] == 0:
                 return
             known = False

@@ -32,7 +32,7 @@ def topology_slow(neighbours, b, lambda_):
         return True, "the topology has no static graph"
     _, _, sigma = network_matrices(neighbours.parameters["hears"], b)
     bound, how = rate_bound(neighbours)
-    margin = min(lambda_) - bound / sigma
+    margin = float(min(lambda_)) - bound / sigma
     numbers = f"sigma(Lambda) = {min(lambda_):.4g}, sigma(L_1 + B) = {sigma:.4g}"
     return margin > 0.0, f"{numbers}; {how}; left side {margin:.4g} 1/s; admits L_M < {min(lambda_) * sigma:.4g} 1/s"
 
@@ -59,8 +59,9 @@ def rate_bound(neighbours):
     """(L_M, how it was found): a bound of ||dL_2/dt||_F (1/s).
 
     |f'| is at most eta_1 eta_2 / 4. A pair whose distance changes at a rate r changes two elements of A_2 and two of
-    D_2 by at most |f'| r each. Assumption 3 only demands that a bound exists, and how many pairs come near at once is
-    the run's own affair: the bound is that of one pair at the speed CLOSING_SPEED.
+    D_2 by at most |f'| r each. Assumption 3 demands no more than that a bound exists; how fast and how many robots
+    come near each other is the run's own affair. So the bound is that of one pair at CLOSING_SPEED, and what the
+    conditions admit at most is told beside it: while a run exceeds that, the theorem does not speak of it.
     """
     if "eta_1" not in neighbours.parameters:
         return 0.0, "L_M = 0 1/s, as the topology is static"
@@ -105,15 +106,25 @@ def references_apart(x_d, F):
     return bool(slack[i] > 0.0), numbers
 
 
-# ---- Theorem 2: the observer -----------------------------------------------------------------------------------
+# ---- Theorems 1 and 2: the observer ----------------------------------------------------------------------------
+
+
+def observer_stable(alpha_1, alpha_2, beta_1):
+    """A is Hurwitz, and so has a P_2 > 0, Lemma 4."""
+    p, _ = lyapunov_matrix(alpha_1, alpha_2, beta_1)
+    poles = np.roots([1.0, alpha_1 * beta_1, alpha_2 * beta_1])
+    smallest = float(np.linalg.eigvalsh(p)[0])
+    numbers = f"beta_1 = {beta_1:.4g}, beta_2 = {2 * beta_1 - 1:.4g}, eigenvalues of A: {_listed(poles)}, {_p_2(p)}"
+    return bool(poles.real.max() < 0.0 and smallest > 0.0), f"{numbers}, sigma(P_2) = {smallest:.4g}"
 
 
 def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, width, n):
     """K < 10^(c_v - j) for every band j but the last, and K < 10^(c_v - n_v + 1) for that, (23).
 
-    K of (17) contains bounds that nobody knows: of the optimal weights, W_M, and of the network's bias, epsilon_M. With
-    both 0 it is a lower bound of K: a band that fails fails for certain, one that holds may still fail. The theorem
-    is sufficient only; its K comes from worst cases and is far above the errors that a run shows.
+    K is the root that follows from (16) and stands in the proof of Theorem 2. It contains bounds that nobody knows: of
+    the optimal weights, W_M, and of the network's bias, epsilon_M. With both 0 it is a lower bound of K: a band that
+    fails fails for certain, one that holds may still fail. The theorem is sufficient only; its K comes from worst
+    cases and is far above the errors that a run shows.
     """
     p, smallest_q = lyapunov_matrix(alpha_1, alpha_2, beta_1)
     bands = len(gamma_1)
@@ -126,8 +137,7 @@ def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, wi
         limit = 10.0 ** (c_v - j if j < bands else c_v - bands + 1)
         holds = holds and ultimate < limit
         texts.append(f"{ultimate:.3g} {'<' if ultimate < limit else '>='} {limit:.3g}")
-    entries = ", ".join(f"{value:.4g}" for value in (p[0, 0], p[0, 1], p[1, 1]))
-    return holds, f"P_2 = ({entries}) ⊗ I, Q_2 = I, phi_M = {phi_max:.4g}; K, at least: {'; '.join(texts)}"
+    return holds, f"{_p_2(p)}, phi_M = {phi_max:.4g}; K, at least, band by band: {'; '.join(texts)}"
 
 
 def lyapunov_matrix(alpha_1, alpha_2, beta_1):
@@ -143,3 +153,11 @@ def largest_activation(centres, width, n):
     middle = np.linspace(centres.min(), centres.max(), 1001)[:, np.newaxis]
     phi = np.exp(-2 * n * (middle - centres) ** 2 / width**2)
     return float(np.sqrt((phi**2).sum(axis=1).max()))
+
+
+def _p_2(p):
+    return f"P_2 = [{p[0, 0]:.4g} {p[0, 1]:.4g}; {p[1, 0]:.4g} {p[1, 1]:.4g}] ⊗ I for Q_2 = I"
+
+
+def _listed(values):
+    return ", ".join(f"{value:.4g}" for value in np.real_if_close(values))

@@ -1,0 +1,1 @@
+"""Tests of the signal blocks, each called alone."""

@@ -1,0 +1,54 @@
+"""Cube root and signed powers."""
+
+import math
+
+import numpy as np
+import pytest
+
+from blocks.cube_root import cube_root
+from blocks.signed_power import common_root, signed_powers
+
+
+def spread(count: int) -> np.ndarray:
+    """Positive numbers of all sizes, mostly of those that errors have."""
+    rng = np.random.default_rng(1)
+    return np.concatenate([np.exp(rng.uniform(-60, 60, count)), np.exp(rng.uniform(-708, 709, count))])
+
+
+def test_cube_root_is_within_one_unit_in_the_last_place():
+    numbers = spread(5000)
+    found = np.array([cube_root(a) for a in numbers])
+    assert np.all(np.abs(found - np.cbrt(numbers)) <= np.spacing(found))
+
+
+@pytest.mark.parametrize("root", [1.0, 2.0, 3.0, 0.1, 1e-5, 7.0, 1e100, 2.0**-341])
+def test_cube_root_of_a_cube(root):
+    assert cube_root(root**3) == pytest.approx(root, rel=2.3e-16)
+
+
+def test_cube_root_beside_the_normal_numbers():
+    assert cube_root(0.0) == 0.0
+    assert cube_root(math.inf) == math.inf
+    assert math.isnan(cube_root(math.nan))
+    assert cube_root(5e-324) == np.cbrt(5e-324)
+    assert cube_root(1.7e308) == pytest.approx(np.cbrt(1.7e308), rel=2.3e-16)
+
+
+def test_cube_root_compiled_gives_the_same_bits():
+    numba = pytest.importorskip("numba")
+    root = numba.njit(error_model="numpy")(cube_root)
+    compiled = numba.njit(lambda a, r: [root(x) for x in a][: len(r)])
+    numbers = spread(2000)
+    assert [cube_root(a) for a in numbers] == list(compiled(numbers, numbers))
+
+
+@pytest.mark.parametrize("beta", [2 / 3, 0.75, 0.6, 0.9])
+@pytest.mark.parametrize("e", [-3.0, -1e-9, 0.0, 0.4, 8.0])
+def test_signed_powers(beta, e):
+    first, second = signed_powers(e, beta, common_root(beta))
+    assert first == pytest.approx(np.sign(e) * abs(e) ** beta, rel=1e-14)
+    assert second == pytest.approx(np.sign(e) * abs(e) ** (2 * beta - 1), rel=1e-14)
+
+
+def test_common_root_knows_rounded_thirds_only():
+    assert [common_root(b) for b in (2 / 3, 1 - 1 / 3, 0.6667, 0.75, 0.7)] == [3, 3, 0, 4, 0]
