@@ -8,7 +8,6 @@ from cosim.network import Axis, Slave
 from cosim.source import Node
 from cosim.values import Value
 
-
 Values = dict[tuple[str, str], Value]
 
 
@@ -25,20 +24,18 @@ class _Dimensions:
         self.problems = problems
 
     def solve(self) -> None:
-        """Named dimensions from wires, then from values, until nothing new is learnt."""
+        """From wires, then from values, until nothing new is learnt."""
         learnt = True
         while learnt:
             before = {n: dict(s.axes) for n, s in self.slaves.items()}
             for slave in self.slaves.values():
                 for port in list(slave.wires):
                     self.problems.attempt(self._learn_from_wire, slave, port)
-            for (name, variable), value in self.values.items():
+            for (name, variable), value in list(self.values.items()):
                 slave = self.slaves[name]
-                self.problems.attempt(self._learn_from_value, slave, slave.declaration.variables[variable], value)
+                if not self.problems.attempt(self._fits, slave, slave.declaration.variables[variable], value):
+                    del self.values[name, variable]
             learnt = any(before[n] != s.axes for n, s in self.slaves.items())
-        if not self.problems.errors:  # else what is missing may only be a consequence
-            for slave in self.slaves.values():
-                self._report_unsolved(slave)
 
     def _learn_from_wire(self, slave: Slave, port: str) -> None:
         variable = slave.declaration.variables[port]
@@ -94,11 +91,12 @@ class _Dimensions:
         known = slave.axes.get(dimension) if isinstance(dimension, str) else None
         return f"{dimension} = {known.size}" if known else str(dimension)
 
-    def _learn_from_value(self, slave: Slave, variable: Variable, value: Value) -> None:
+    def _fits(self, slave: Slave, variable: Variable, value: Value) -> bool:
+        """Learn from a value. Raises: FleetMismatch, WrongShape."""
         shape = value.shape
         rank = len(variable.shape)
         if shape == ():
-            return
+            return True
         if slave.fleet and len(shape) == rank + 1:
             if shape[0] != slave.count:
                 message = (
@@ -110,7 +108,7 @@ class _Dimensions:
         elif len(shape) == rank - 1:  # one row, evaluated for each member of the first axis
             if not self._unify_all(slave, variable.shape[1:], shape):
                 raise self._value_error(slave, variable, value)
-            return
+            return True
         if len(shape) == rank and rank and slave.counts_members(variable.shape[0]):
             size = slave.axes[variable.shape[0]].size  # type: ignore[index]
             if shape[0] != size:
@@ -118,6 +116,7 @@ class _Dimensions:
                 raise FleetMismatch(message, value.position, "give one for each member, or an expression in i")
         if len(shape) != rank or not self._unify_all(slave, variable.shape, shape):
             raise self._value_error(slave, variable, value)
+        return True
 
     def _unify_all(self, slave: Slave, dimensions: tuple[int | str, ...], shape: tuple[int, ...]) -> bool:
         return all([self._unify(slave, d, Axis(n)) for d, n in zip(dimensions, shape, strict=True)])
@@ -127,9 +126,12 @@ class _Dimensions:
         message = f"block {slave.name}: `{variable.name}` has the shape ({expected}), not {value.shape}"
         return WrongShape(message, value.position, "give a list of that shape, or one number for all elements")
 
-    def _report_unsolved(self, slave: Slave) -> None:
+
+def report_unsolved(slaves: dict[str, Slave], problems: Problems) -> None:
+    """An UnsolvedDimension for every named dimension that nothing determines."""
+    for slave in slaves.values():
         names = {d for v in slave.declaration.variables.values() for d in v.shape if isinstance(d, str)}
         for name in sorted(names - set(slave.axes)):
             message = f"block {slave.name}: nothing determines the dimension `{name}` of {slave.declaration.name}"
             fix = f"add `{name}: <size>` under blocks.{slave.name}.dimensions"
-            self.problems.add(UnsolvedDimension(message, slave.entry.position, fix))
+            problems.add(UnsolvedDimension(message, slave.entry.position, fix))

@@ -210,5 +210,9 @@ class Problems:
     def raise_if_any(self) -> None:
         """Raise `DiagramErrors` with all mistakes in the order of file, line and column."""
         if self.errors:
-            place = lambda e: (e.position.file, e.position.line, e.position.column) if e.position else ("", 0, 0)  # noqa: E731
-            raise DiagramErrors(sorted(self.errors, key=place))
+            raise DiagramErrors(sorted(self.errors, key=_place))
+
+
+def _place(error: CosimError) -> tuple[str, int, int]:
+    place = error.position
+    return (place.file, place.line, place.column) if place else ("", 0, 0)

@@ -19,7 +19,6 @@ def print_network(network: Network) -> None:
     """The slaves in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
     run = network.diagram.run
     tasks = order.evaluation_order(network)
-    order.initial_order(network)
     print(f"{network.diagram.title or network.diagram.path.name}: {len(network.slaves)} blocks, valid")
     print(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
     _rows([_slave_row(network, slave) for slave in network.slaves.values()])

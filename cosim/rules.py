@@ -71,8 +71,9 @@ def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int) ->
 
 
 def _violation(slave: Slave, rule: Rule, numbers: str) -> RuleViolation:
-    nodes = {**slave.entry.parameters}
-    node = next((nodes[a] for a in rule.arguments if a in nodes), None)
+    nodes = [slave.entry.parameters[a] for a in rule.arguments if a in slave.entry.parameters]
+    # What the command line sets is what was changed last.
+    node = min(nodes, key=lambda n: n.position.line > 0, default=None)
     source = f" ({rule.source})" if rule.source else ""
     message = f"block {slave.name}: {slave.declaration.name} requires {rule.text}{source}"
     fix = f"change {', '.join(a for a in rule.arguments)}" + (f"; now {numbers}" if numbers else "")

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim import dimensions, rules, units
+from cosim import dimensions, order, rules, units
 from cosim.block import Block, Input, Local, Parameter, State, Variable
 from cosim.diagram import BlockEntry, Diagram
 from cosim.errors import (
@@ -78,6 +78,10 @@ class _Wiring:
             self.problems.attempt(self._names, slave)
             self.problems.attempt(self._wires, slave)
         dimensions.solve(self.slaves, self.values, self.diagram.fleets, self.problems)
+        if not self.problems.errors:
+            self.problems.attempt(order.initial_order, Network(self.diagram, self.slaves))
+        if not self.problems.errors:  # else what is missing may only be a consequence
+            dimensions.report_unsolved(self.slaves, self.problems)
         for slave in self.slaves.values():
             if all(slave.signal_axes(v) is not None for v in slave.declaration.variables.values()):
                 self._evaluate(slave)

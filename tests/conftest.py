@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cosim import run, simulation, table
-from cosim.simulation import Probes, Simulation
 from cosim.network import Network, Signal
+from cosim.simulation import Probes, Simulation
 
 BLOCKS = Path(__file__).with_name("signal_blocks.py")
 
@@ -55,3 +55,9 @@ def trajectories():
         return {name: np.concatenate(arrays) for name, arrays in parts.items()}
 
     return trajectory
+
+
+@pytest.fixture
+def formation() -> Path:
+    """The paper's formation."""
+    return Path(__file__).parents[1] / "diagrams" / "formation.yaml"

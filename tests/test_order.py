@@ -37,17 +37,16 @@ def test_only_the_functions_that_derivatives_read_are_needed(wired):
 
 
 def test_every_algebraic_loop_is_named_port_by_port(wired):
-    network = wired(
-        """
-        run: {stop: 1, step: 0.1}
-        blocks:
-          a: {type: Gain, inputs: {u: b.y}, dimensions: {n: 1}}
-          b: {type: Gain, inputs: {u: a.y}}
-          own: {type: Gain, inputs: {u: own.y}, dimensions: {n: 1}}
-        """
-    )
     with pytest.raises(DiagramErrors) as caught:
-        order.evaluation_order(network)
+        wired(
+            """
+            run: {stop: 1, step: 0.1}
+            blocks:
+              a: {type: Gain, inputs: {u: b.y}, dimensions: {n: 1}}
+              b: {type: Gain, inputs: {u: a.y}}
+              own: {type: Gain, inputs: {u: own.y}, dimensions: {n: 1}}
+            """
+        )
     loops = caught.value.errors
     assert all(isinstance(loop, AlgebraicLoop) and loop.position.line for loop in loops)
     texts = sorted(loop.message for loop in loops)

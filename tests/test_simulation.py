@@ -7,8 +7,8 @@ import pytest
 
 from cosim import simulation, table
 from cosim.errors import BlockFailed, Diverged
-from cosim.simulation import Simulation
 from cosim.network import Signal
+from cosim.simulation import Simulation
 
 LOOP = """
 run: {stop: 1, step: 0.01}
@@ -69,7 +69,7 @@ def test_inner_steps_are_steps(wired, trajectories):
 
 
 def test_joint_rk4_couples_blocks_within_the_step(wired, trajectories):
-    """Two integrators in a ring are an oscillator: joint RK4 has its order, Jacobi holds inputs and is of first order."""
+    """Two integrators in a ring are an oscillator: joint RK4 has its order, Jacobi holds inputs: first order."""
     text = """
     run: {{stop: 2, step: {step}, integrator: rk4}}
     blocks:
