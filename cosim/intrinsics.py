@@ -63,6 +63,7 @@ def _view(number: Any, code: Any) -> Any:
 
 word_pointer = _view(types.int64, ir.IntType(64))
 real_pointer = _view(types.float64, ir.DoubleType())
+integer_pointer = _view(types.int32, ir.IntType(32))
 byte_pointer = _view(types.uint8, ir.IntType(8))
 
 
@@ -74,6 +75,30 @@ def words_at(address: int, size: int) -> np.ndarray:
 def reals_at(address: int, size: int) -> np.ndarray:
     """`cosim.memory.reals_at`, compiled."""
     return carray(real_pointer(address), (size,))
+
+
+def integers_at(address: int, size: int) -> np.ndarray:
+    """`cosim.memory.integers_at`, compiled."""
+    return carray(integer_pointer(address), (size,))
+
+
+def bytes_at(address: int, size: int) -> np.ndarray:
+    """`cosim.memory.bytes_at`, compiled."""
+    return carray(byte_pointer(address), (size,))
+
+
+@intrinsic
+def invoke(context: Any, function: Any, arguments: Any) -> Any:
+    """`cosim.memory.invoke`, compiled: an indirect C call whose signature follows from the arguments' types."""
+    kinds = [types.float64 if isinstance(a, types.Float) else types.int64 for a in arguments]
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        given = cgutils.unpack_tuple(builder, values[1], len(kinds))
+        given = [context.cast(builder, v, a, k) for v, a, k in zip(given, arguments, kinds, strict=True)]
+        kind = ir.FunctionType(ir.IntType(32), [context.get_value_type(k) for k in kinds])
+        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), given)
+
+    return types.int32(types.int64, arguments), generate
 
 
 @intrinsic

@@ -218,20 +218,25 @@ def _feed_code(digest: Any, code: types.CodeType, scope: dict[str, Any], seen: s
 
 def engine_module() -> Module:
     """The compiled loop: symbols `run` and `execute` of `cosim.engine`, behind the kernel ABI."""
-    return module("engine", [_engine_source(name) for name in ("run", "execute")])
-
-
-def _engine_source(name: str) -> Source:
     from cosim import engine
 
-    entry = getattr(engine, name)
+    return raw_module("engine", (engine.run, engine.execute))
+
+
+def raw_module(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> Module:
+    """Compiled functions of a time and two addresses, each behind the kernel ABI under its own name."""
+    return module(name, [_raw_source(name, function) for function in functions])
+
+
+def _raw_source(module: str, entry: Callable[[float, int, int], int]) -> Source:
+    name = entry.__name__
     text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
 
     def build() -> Callable[..., int]:
         from cosim import intrinsics
 
         scope: dict[str, Any] = {**vars(intrinsics), name: entry}
-        exec(compile(text, f"<adapter of engine.{name}>", "exec"), scope)
+        exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)
         return scope["adapter"]
 
     return Source(name, build, fingerprint(entry) + text)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -23,6 +24,28 @@ def words_at(address: int, size: int) -> np.ndarray:
 def reals_at(address: int, size: int) -> np.ndarray:
     """The `size` float64 numbers at an address, as a view (size,)."""
     return np.ctypeslib.as_array((ctypes.c_double * int(size)).from_address(int(address)))
+
+
+def integers_at(address: int, size: int) -> np.ndarray:
+    """The `size` int32 numbers at an address, as a view (size,)."""
+    return np.ctypeslib.as_array((ctypes.c_int32 * int(size)).from_address(int(address)))
+
+
+def bytes_at(address: int, size: int) -> np.ndarray:
+    """The `size` bytes at an address, as a view (size,)."""
+    return np.ctypeslib.as_array((ctypes.c_uint8 * int(size)).from_address(int(address)))
+
+
+def invoke(function: int, arguments: tuple[int | float, ...]) -> int:
+    """Call a C function that returns an int32: floats go as double, integers and addresses as 64-bit words."""
+    kinds = tuple(ctypes.c_double if isinstance(a, float) else ctypes.c_int64 for a in arguments)
+    plain = [float(a) if isinstance(a, float) else int(a) for a in arguments]
+    return _prototype(kinds)(int(function))(*plain)
+
+
+@cache
+def _prototype(kinds: tuple[type, ...]) -> Callable[[int], Callable[..., int]]:
+    return ctypes.CFUNCTYPE(ctypes.c_int32, *kinds)
 
 
 def call(function: int, time: float, base: int, frame: int) -> int:
