@@ -3,9 +3,9 @@
 A block keeps the grid as work space::
 
     cells = Local("robots", 2, dtype=np.int64)   # column and row of each robot's cell
-    heads = Local("robots", dtype=np.int32)      # first robot of each bucket of cells, -1: empty
-    links = Local("robots", dtype=np.int32)      # next robot of the same bucket, -1: the last
-    found = Local("robots", dtype=np.int32)      # the answer for one robot
+    heads = Local("robots", dtype=np.int64)      # first robot of each bucket of cells, -1: empty
+    links = Local("robots", dtype=np.int64)      # next robot of the same bucket, -1: the last
+    found = Local("robots", dtype=np.int64)      # the answer for one robot
 
 There are as many buckets as robots, and cells share buckets by hashing, so that the plane needs no bounds.
 """

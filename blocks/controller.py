@@ -90,6 +90,7 @@ class SlidingModeController(Block):
                 known = xi_3[i, q] - w_hat[i, q] - lambda_[i] * delta_v[i, q] - delta_x[i, q]
                 a[i, q] = known - c * s_hat[i, q] + F[i, q]
             for k in range(n):
-                u[i, k] = 0.0
+                total = 0.0
                 for q in range(n):
-                    u[i, k] += g_inverse[i, k, q] * a[i, q]
+                    total += g_inverse[i, k, q] * a[i, q]
+                u[i, k] = total

@@ -41,6 +41,7 @@ class NeuralObserver(Block):
     width = Parameter(default=8.0, description="mu: width of the neurons")
     root = CalculatedParameter(dtype=int, unit="1", description="the root that both powers are made of; 0: none")
     spacing = CalculatedParameter(description="distance of neighbouring centres; 0 if they differ")
+    decay = CalculatedParameter(unit="1", description="how the quotient of neighbouring activations falls, a channel")
     lower = CalculatedParameter("bands", description="smallest norm in each band")
     s_1 = Local("n", description="sgn^beta_1(e)")
     s_2 = Local("n", description="sgn^beta_2(e)")
@@ -53,9 +54,10 @@ class NeuralObserver(Block):
     stable = condition("A of the error's dynamics is Hurwitz", "Theorem 1, Lemma 4")(observer_stable)
     region = condition("the ultimate bound of the error lies in each band's region (23)", "Theorem 2")(observer_region)
 
-    def calculate(beta_1, c_v, centres, root, spacing, lower):
+    def calculate(beta_1, c_v, centres, width, root, spacing, decay, lower):
         root[0] = common_root(beta_1)
         spacing[0] = equal_spacing(centres)
+        decay[0] = math.exp(-4.0 * spacing[0] * spacing[0] / (width * width))
         for k in range(lower.size - 1):
             lower[k] = math.pow(10.0, c_v - 1.0 - k)
         lower[lower.size - 1] = 0.0
@@ -68,8 +70,8 @@ class NeuralObserver(Block):
         for q in range(x.size):
             s_1[q], s_2[q] = signed_powers(x[q] - x_hat[q], beta_1, root)
 
-    def outputs(x, v_hat, W_hat, centres, width, spacing, phi, w_hat):
-        activations(x, v_hat, centres, width, spacing, phi)
+    def outputs(x, v_hat, W_hat, centres, width, spacing, decay, phi, w_hat):
+        activations(x, v_hat, centres, width, spacing, decay, phi)
         weighted_sum(W_hat, phi, w_hat)
 
     def derivatives(

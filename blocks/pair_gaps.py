@@ -24,5 +24,5 @@ class PairGaps(Measure):
 
     def outputs(x, radii, pairs, gaps):
         for k in range(gaps.size):
-            i, j = int(pairs[k, 0]) - 1, int(pairs[k, 1]) - 1
+            i, j = pairs[k, 0] - 1, pairs[k, 1] - 1
             gaps[k] = planar_distance(x, i, j) - radii[i] - radii[j]

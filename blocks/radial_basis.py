@@ -16,11 +16,14 @@ def equal_spacing(centres: NDArray) -> float:
     return max(spacing, 0.0)
 
 
-def activations(x: NDArray, v: NDArray, centres: NDArray, width: float, spacing: float, phi: NDArray) -> None:
-    """phi_j = exp(-||y - d_j||^2 / width^2), (7); x, v: (n), centres, phi: (neurons), spacing: `equal_spacing`.
+def activations(
+    x: NDArray, v: NDArray, centres: NDArray, width: float, spacing: float, decay: float, phi: NDArray
+) -> None:
+    """phi_j = exp(-||y - d_j||^2 / width^2), (7); x, v: (n); centres, phi: (neurons).
 
     With equal spacing, the quotient of two neighbours is itself a geometric sequence, so that three exponentials
     are enough. Going outwards from the centre nearest to y, all quotients are below 1 and nothing can overflow.
+    spacing: `equal_spacing(centres)`; decay: exp(-4 spacing^2 / width^2).
     """
     if spacing == 0.0:
         for j in range(phi.size):
@@ -36,7 +39,9 @@ def activations(x: NDArray, v: NDArray, centres: NDArray, width: float, spacing:
     phi[nearest] = activation(x, v, centres[nearest], width)
     scale = 2 * x.size * spacing / (width * width)
     shift = 2.0 * (middle - centres[nearest])
-    falling = math.exp(-2.0 * scale * spacing)
+    falling = 1.0
+    for _ in range(x.size):
+        falling *= decay
     if nearest < last:
         quotient = math.exp(scale * (shift - spacing))
         for j in range(nearest + 1, last + 1):
@@ -60,7 +65,7 @@ def activation(x: NDArray, v: NDArray, centre: float, width: float) -> float:
 def weighted_sum(weights: NDArray, phi: NDArray, w: NDArray) -> None:
     """w = W^T phi, (6); weights: (neurons, n), phi: (neurons), w: (n)."""
     for q in range(w.size):
-        w[q] = 0.0
-    for j in range(phi.size):
-        for q in range(w.size):
-            w[q] += weights[j, q] * phi[j]
+        total = 0.0
+        for j in range(phi.size):
+            total += weights[j, q] * phi[j]
+        w[q] = total

@@ -41,9 +41,9 @@ class RangeTopology(Block):
     eta_3 = Parameter(unit="m", default=1.1, description="distance of half the weight")
     R_c = Parameter(unit="m", default=1.5, description="communication range")
     cells = Local("robots", 2, dtype=np.int64, unit="1", description="work space: cell of each robot")
-    heads = Local("robots", dtype=np.int32, unit="1", description="work space: first robot of each bucket")
-    links = Local("robots", dtype=np.int32, unit="1", description="work space: next robot of a bucket")
-    found = Local("robots", dtype=np.int32, unit="1", description="work space: robots near one robot")
+    heads = Local("robots", dtype=np.int64, unit="1", description="work space: first robot of each bucket")
+    links = Local("robots", dtype=np.int64, unit="1", description="work space: next robot of a bucket")
+    found = Local("robots", dtype=np.int64, unit="1", description="work space: robots near one robot")
     count = Local("robots", dtype=np.int32, unit="1", description="number of neighbours")
     neighbours = Output("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Output("robots", "capacity", unit="1", description="a_ij of each neighbour j")
@@ -57,7 +57,7 @@ class RangeTopology(Block):
         sort_into_cells(x, R_c, cells, heads, links)
         for i in range(x.shape[0]):
             for k in range(later_near(i, cells, heads, links, found)):
-                j = int(found[k])
+                j = found[k]
                 distance = planar_distance(x, i, j)
                 if distance <= R_c:
                     weight = fading_weight(distance, eta_1, eta_2, eta_3)

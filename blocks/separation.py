@@ -39,9 +39,9 @@ class Separation(Measure):
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
     cells = Local("robots", 2, dtype=np.int64, unit="1", description="work space: cell of each robot")
-    heads = Local("robots", dtype=np.int32, unit="1", description="work space: first robot of each bucket")
-    links = Local("robots", dtype=np.int32, unit="1", description="work space: next robot of a bucket")
-    found = Local("robots", dtype=np.int32, unit="1", description="work space: robots near one robot")
+    heads = Local("robots", dtype=np.int64, unit="1", description="work space: first robot of each bucket")
+    links = Local("robots", dtype=np.int64, unit="1", description="work space: next robot of a bucket")
+    found = Local("robots", dtype=np.int64, unit="1", description="work space: robots near one robot")
     touching = Local(
         "collision_capacity", 2, dtype=np.int32, unit="1", description="pairs that touch, numbers from 1; 0: none"
     )
@@ -64,7 +64,7 @@ class Separation(Measure):
             min_gap[0] = math.inf
             for i in range(x.shape[0]):
                 for k in range(later_near(i, cells, heads, links, found)):
-                    j = int(found[k])
+                    j = found[k]
                     gap = planar_distance(x, i, j) - radii[i] - radii[j]
                     min_gap[0] = min(min_gap[0], gap)
                     if gap <= 0.0:

@@ -36,7 +36,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -182,9 +182,27 @@ class Function:
         return tuple(a for a in self.arguments if a not in self.writes)
 
 
+class Foreign(Protocol):
+    """What stands behind a block that is no Python code, such as an FMU: its functions are kernels already.
+
+    kernels: all of them, each ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame
+    has for it between the instance count and the arguments; whoever opens instances for a run fills them.
+    """
+
+    @property
+    def kernels(self) -> tuple[Callable[[float, int, int], int], ...]: ...
+    @property
+    def frame_words(self) -> int: ...
+    def open(self, slave: Any, calls: Any, arena: Any, step: float, wanted: set[str]) -> Any: ...
+
+
 @dataclass
 class Declaration:
-    """All that a block class says of itself."""
+    """All that a block class says of itself.
+
+    Foreign blocks have functions of further kinds: ``initial`` (instead of `outputs`, at initialization), ``begin``
+    (its end), ``step`` (from one communication point to the next) and ``events`` (those of the step that ends now).
+    """
 
     name: str
     doc: str
@@ -194,6 +212,8 @@ class Declaration:
     rules: tuple[Rule, ...] = ()
     measuring: bool = False
     compiled: bool = True
+    foreign: Foreign | None = None
+    most_instances: int | None = None
 
     def of(self, *classes: type[Variable]) -> Iterator[Variable]:
         """The variables of the given classes, in the order of their declaration."""
@@ -203,9 +223,17 @@ class Declaration:
         """The functions of one kind, in the order of their definition."""
         return tuple(f for f in self.functions if f.kind == kind)
 
-    def writer(self, name: str) -> Function | None:
-        """The `outputs` function that computes an output or local; None for a state."""
-        return next((f for f in self.kind("outputs") if name in f.writes), None)
+    def evaluated(self, starts: bool) -> tuple[Function, ...]:
+        """The functions that give outputs and locals, at a communication point or (`starts`) at initialization."""
+        return (self.kind("initial") if starts else ()) or self.kind("outputs")
+
+    def writer(self, name: str, starts: bool = False) -> Function | None:
+        """The function that computes an output or local, as of `evaluated`; None for a state."""
+        return next((f for f in self.evaluated(starts) if name in f.writes), None)
+
+    def startable(self) -> list[Variable]:
+        """What a diagram may give a start value: states, inputs, and outputs of a foreign block that have one."""
+        return [v for v in self.of(State, Input, Output, Local) if isinstance(v, (State, Input)) or v.start is not None]
 
     def continuous(self) -> list[State]:
         """The states that `derivatives` drives."""

@@ -54,6 +54,11 @@ def _parser() -> argparse.ArgumentParser:
     blocks = commands.add_parser("blocks", help="list the blocks, or show one")
     blocks.add_argument("name", nargs="?", help="a block, or file.py:Block")
     blocks.set_defaults(command=_blocks)
+    study = commands.add_parser("study", help="run many variants, grid points and random draws of a diagram")
+    _study_options(study)
+    study.add_argument("--member", metavar="NAME", help="run this member only, and record its signals")
+    study.add_argument("--json", action="store_true", help="print one JSON object for each study and nothing else")
+    study.set_defaults(command=_study)
     return parser
 
 
@@ -63,6 +68,20 @@ def _diagram_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--swap", action="append", default=[], metavar="BLOCK=TYPE", help="another type for a block")
     for name, text in (("stop", "end of the run (s)"), ("step", "communication step (s)"), ("method", "master method")):
         parser.add_argument(f"--{name}", metavar=name.upper(), help=text)
+
+
+def _study_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", type=Path, nargs="+", help="a YAML study")
+    parser.add_argument("--set", action="append", default=[], metavar="a.b=VALUE", help="change one value of the study")
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads (default: one each processor)")
+    parser.add_argument("--dask", default="", metavar="ADDRESS", help="run on a Dask cluster")
+    parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help="default: results/")
+
+
+def _study(options: argparse.Namespace) -> int:
+    from cosim.study import command
+
+    return command.study(options)
 
 
 def _network(options: argparse.Namespace) -> Any:

@@ -163,6 +163,22 @@ class BlockFailed(CosimError):
     """A block's function stopped the run."""
 
 
+class SlaveFailed(BlockFailed):
+    """A function of an FMU stopped the run."""
+
+
+class ArchiveError(CosimError):
+    """An FMU file that is no sound archive, or tries to do harm."""
+
+
+class FmuError(CosimError):
+    """An FMU that cannot be run here, because of its version, kind, platform or description."""
+
+
+class TooManyInstances(CosimError):
+    """More instances of a block than one process may have."""
+
+
 class Diverged(CosimError):
     """A state became NaN or infinite."""
 
@@ -173,6 +189,10 @@ class ResultError(CosimError):
 
 class MetricError(CosimError):
     """A metric whose signal, reduction or time window does not make sense."""
+
+
+class ClusterError(CosimError):
+    """A Dask cluster that cannot be reached or used."""
 
 
 class NoAcceptedDraw(CosimError):

@@ -10,6 +10,7 @@ import numpy as np
 from cosim.block import Declaration, Input, Variable
 from cosim.diagram import BlockEntry, Diagram
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
+from cosim.grammar import endpoint
 
 
 @dataclass(frozen=True)
@@ -104,11 +105,11 @@ class Network:
 
         Raises: UnknownBlock, UnknownPort.
         """
-        name, _, port = text.rpartition(".")
+        name, port = endpoint(text)
         if name not in self.slaves:
             fix = nearest(name, self.slaves)
             raise UnknownBlock(f"`{text}`: the diagram has no block `{name}`", position, fix)
-        variables = {k: v for k, v in self.slaves[name].declaration.variables.items() if not isinstance(v, Input)}
+        variables = {k: v for k, v in self.slaves[name].declaration.variables.items() if _can_record(v)}
         if port not in variables:
             message = f"`{text}`: block {name} has no variable `{port}` to record"
             raise UnknownPort(message, position, nearest(port, variables))
@@ -118,5 +119,10 @@ class Network:
         """All variables of all slaves but inputs, in the order of the diagram."""
         for slave in self.slaves.values():
             for variable in slave.declaration.variables.values():
-                if not isinstance(variable, Input):
+                if _can_record(variable):
                     yield Signal(slave.name, variable.name)
+
+
+def _can_record(variable: Variable) -> bool:
+    """Inputs are other blocks' signals, and texts are no signals."""
+    return not isinstance(variable, Input) and not variable.dtype.hasobject

@@ -57,15 +57,14 @@ def _graph(network: Network, starts: bool) -> networkx.DiGraph:
     import networkx
 
     graph = networkx.DiGraph()
-    kinds = ("start", "outputs") if starts else ("outputs",)
     for slave in network.slaves.values():
-        for function in slave.declaration.functions:
-            if function.kind in kinds:
-                task = Task(slave.name, function.name)
-                graph.add_node(task)
-                for name in function.reads:
-                    for before, port in _producers(network, slave, name, starts):
-                        graph.add_edge(before, task, port=port)
+        setters = slave.declaration.kind("start") if starts else ()
+        for function in (*setters, *slave.declaration.evaluated(starts)):
+            task = Task(slave.name, function.name)
+            graph.add_node(task)
+            for name in function.reads:
+                for before, port in _producers(network, slave, name, starts):
+                    graph.add_edge(before, task, port=port)
         for port, sources in slave.wires.items():
             if is_joined(slave, port):
                 graph.add_node(join := Task(slave.name, "", port))
@@ -97,7 +96,7 @@ def _producers_of(network: Network, signal: Signal, starts: bool) -> list[tuple[
     if isinstance(declaration.variables[signal.variable], State):
         setters = [f for f in declaration.kind("start") if signal.variable in f.writes] if starts else []
         return [(Task(signal.slave, f.name), signal.variable) for f in setters]
-    writer = declaration.writer(signal.variable)
+    writer = declaration.writer(signal.variable, starts)
     return [(Task(signal.slave, writer.name), signal.variable)] if writer else []
 
 

@@ -79,15 +79,25 @@ def apply_swaps(tree: Node, swaps: Iterable[str], problems: Problems) -> Node:
     for swap in swaps:
         position = Position(f"--swap {swap}")
         name, _, new = (part.strip() for part in swap.partition("="))
-        blocks = _child(tree, "blocks")
-        if not (name and new):
-            problems.add(UnknownSetting(f"`{swap}` is no swap", position, "write --swap block=Type"))
-        elif not _has_block(blocks, name):
-            problems.add(UnknownSetting(f"there is no block `{name}` to swap", position, nearest(name, blocks)))
-        else:
-            block = Node({_kind(new): Node(new, position, position)}, position, position)
-            tree = merge(tree, _nested(["blocks", name], block, position))
+        try:
+            if not (name and new):
+                raise UnknownSetting(f"`{swap}` is no swap", position, "write --swap block=Type")
+            tree = swap_type(tree, name, Node(new, position, position))
+        except CosimError as error:
+            problems.add(error)
     return tree
+
+
+def swap_type(tree: Node, name: str, new: Node) -> Node:
+    """The tree with another type for a block: a class, `file.py:Class`, an FMU or a diagram.
+
+    Raises: UnknownSetting.
+    """
+    blocks = _child(tree, "blocks")
+    if not _has_block(blocks, name):
+        raise UnknownSetting(f"there is no block `{name}` to swap", new.place, nearest(name, blocks))
+    block = Node({_kind(str(new.value)): new}, new.place, new.place)
+    return merge(tree, _nested(["blocks", name], block, new.place))
 
 
 def _kind(text: str) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import time as clock
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
@@ -83,25 +84,20 @@ class Simulation:
         self.steps = round(table.network.diagram.run.stop / self.step)
         self.arena = copy_of(table.arena)
         self.probes = probes
-        self._fault: BaseException | None = None
+        self._faults: list[Exception] = []
         self._keep: list[Any] = []
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
             memory.interpreted.update((handle, self._python(n)) for n, handle in enumerate(functions))
+            weakref.finalize(self, _forget, functions)
             self._run: Callable[..., int] = engine.run
             self._execute: Callable[..., int] = engine.execute
-            self._handles = functions
         else:
             functions = [self._address(kernels, n) for n in range(len(table.calls))]
             assert kernels.loop is not None
             loop = kernels.loop.load()
             self._run, self._execute = KERNEL(loop.address("run")), KERNEL(loop.address("execute"))
-            self._handles = []
         self._build_control(np.array(functions, np.int64))
-
-    def __del__(self) -> None:
-        for handle in getattr(self, "_handles", ()):
-            memory.interpreted.pop(handle, None)
 
     def _address(self, kernels: Kernels, n: int) -> int:
         call = self.table.calls[n]
@@ -115,7 +111,7 @@ class Simulation:
 
     def _python(self, n: int) -> Callable[[float], int]:
         """The n-th call as plain Python."""
-        return _interpreted(self, self.table.calls[n])
+        return _interpreted(self.arena, self.table.calls[n], self._faults)
 
     def _build_control(self, functions: np.ndarray) -> None:
         table = self.table
@@ -220,9 +216,9 @@ class Simulation:
         """Tell what went wrong in a call: a compiled kernel's exception is found by interpreting the call again."""
         call_index = int(self.table.operations[operation, engine.A])
         call = self.table.calls[call_index]
-        if self._fault is None:
+        if not self._faults:
             self._python(call_index)(self.time)
-        cause = self._fault
+        cause = self._faults[-1] if self._faults else None
         text = f"{type(cause).__name__}: {cause}" if cause else "an error that plain Python does not show"
         place = self.table.network.slaves[call.slave].entry.position
         message = f"block {call.slave}: {call.function.name}() failed at t = {self.time:g} s: {text}"
@@ -233,11 +229,17 @@ class Simulation:
         return self.table.signal(signal, self.arena).copy()
 
 
-def _interpreted(simulation: Simulation, call: Call) -> Callable[[float], int]:
-    """The call as plain Python: the author's function over views of the arena, for each instance."""
-    arguments = [
-        _views(simulation.arena, call, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)
-    ]
+def _forget(handles: list[int]) -> None:
+    for handle in handles:
+        memory.interpreted.pop(handle, None)
+
+
+def _interpreted(arena: np.ndarray, call: Call, faults: list[Exception]) -> Callable[[float], int]:
+    """The call as plain Python: the author's function over views of the arena, for each instance.
+
+    What it raises is kept in `faults`.
+    """
+    arguments = [_views(arena, call, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)]
     python = call.function.python
 
     def run(time: float) -> int:
@@ -246,7 +248,7 @@ def _interpreted(simulation: Simulation, call: Call) -> Callable[[float], int]:
                 for instance in range(call.count):
                     python(*[time if a is None else a[instance]() for a in arguments])
         except Exception as error:
-            simulation._fault = error
+            faults.append(error)
             return engine.ERROR
         return engine.OK
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim import engine, order
 from cosim.block import Function, Input, Parameter, State, Variable
+from cosim.errors import FmuError
 from cosim.kernels import run_time_dimensions, variable_of
 from cosim.network import Network, Signal, Slave
 
@@ -159,7 +160,7 @@ class _Builder:
             needed = {name for f in order.needed_outputs(slave) for name in f.writes}
             for variable in slave.declaration.variables.values():
                 signal = Signal(slave.name, variable.name)
-                if signal in self.places or variable.name in slave.wires:
+                if signal in self.places or variable.name in slave.wires or variable.dtype.hasobject:
                     continue
                 given = slave.values.get(variable.name)
                 shared = isinstance(variable, (Parameter, Input)) and given is not None and len(given) == 1
@@ -211,7 +212,8 @@ class _Builder:
         """A row that calls a function; stage: on the states (and outputs) of an integration's stage."""
         arguments = tuple(self._argument(slave, name, stage) for name in function.arguments)
         sizes = [slave.axes[name].size for name in run_time_dimensions(slave.declaration, slave.constants())]
-        words = [0, slave.count, *sizes]
+        foreign = slave.declaration.foreign
+        words = [0, slave.count, *sizes, *[0] * (foreign.frame_words if foreign else 0)]
         for place in arguments:
             if place is not None:
                 words += [place.offset, place.stride]
@@ -249,6 +251,7 @@ class _Builder:
                 if function.name == task.function:
                     for name in sorted(function.writes & slave.given):
                         self._restore(slave, name)
+        self._calls("begin")
         for signal, place in self.next.items():
             self._copy(place.offset, self.places[signal].offset, self._bytes(signal))
         return self._range(begin)
@@ -284,9 +287,16 @@ class _Builder:
         for signal, place in self.next.items():
             every = self.network.slaves[signal.slave].every
             self._copy(self.places[signal].offset, place.offset, self._bytes(signal), every)
+        self._calls("events")
         for task in tasks:
             self._task(task)
         return self._range(begin)
+
+    def _calls(self, kind: str) -> None:
+        """The functions of one kind of all slaves."""
+        for slave in self.network.slaves.values():
+            for function in slave.declaration.kind(kind):
+                self._call(slave, function)
 
     def _between(self, tasks: list[order.Task]) -> tuple[int, int]:
         """From one communication point to the next: sampled updates, then the method's integrations."""
@@ -298,6 +308,7 @@ class _Builder:
         if self.method == "gauss-seidel":
             self._one_after_the_other(tasks, banks)
         else:
+            self._calls("step")
             for bank in banks.values():
                 self._operation(engine.INTEGRATE, bank)
         if self.method == "jacobi" and banks:
@@ -312,6 +323,8 @@ class _Builder:
             for task in own:
                 if not task.function:
                     self._task(task)
+            for function in slave.declaration.kind("step"):
+                self._call(slave, function)
             if slave.name in banks:
                 self._operation(engine.INTEGRATE, banks[slave.name])
             for task in own:
@@ -341,6 +354,10 @@ class _Builder:
     def _joint_bank(self, tasks: list[order.Task]) -> dict[str, int]:
         """One bank of all states: the outputs and derivatives of all slaves at every stage."""
         slaves = self.network.slaves.values()
+        for slave in slaves:
+            if slave.declaration.kind("step"):
+                message = f"block {slave.name}: a co-simulation FMU steps by itself, so it cannot be integrated jointly"
+                raise FmuError(message, slave.entry.type.position, "choose another run.method, or model exchange")
         begin = len(self.operations)
         for slave in slaves:
             self._derivatives(slave)

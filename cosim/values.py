@@ -67,6 +67,8 @@ class Value:
 
     def _number(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
         number = self.content
+        if dtype.hasobject:  # a text
+            return str(number)
         if isinstance(number, str):
             try:
                 number = expression.evaluate(number, names)

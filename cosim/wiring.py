@@ -17,6 +17,7 @@ from cosim.errors import (
     MissingParameter,
     NotWirable,
     Problems,
+    TooManyInstances,
     UnconnectedInput,
     UnknownBlock,
     UnknownFleet,
@@ -27,6 +28,7 @@ from cosim.errors import (
     WrongValue,
     nearest,
 )
+from cosim.grammar import endpoint
 from cosim.network import Axis, Network, Signal, Slave
 from cosim.source import Node
 from cosim.values import Value
@@ -111,6 +113,10 @@ class _Wiring:
                 slave.fleet, slave.count = entry.per.value, fleets[entry.per.value]
         if entry.period:
             self.problems.attempt(self._period, slave, entry.period)
+        most = block.declaration.most_instances
+        if most is not None and slave.count > most:
+            message = f"block {entry.name}: {slave.count} instances, but one process may have {most} of `{entry.path.name}`"
+            self.problems.add(TooManyInstances(message, entry.position, "write `isolate: true`"))
         for name, size in block.declaration.dimensions.items():
             slave.axes[name] = Axis(size.default)
         self.problems.attempt(self._given_dimensions, slave)
@@ -141,7 +147,7 @@ class _Wiring:
         """Match the entry's parameters and start values with the declaration, and take defaults for the rest."""
         declaration = slave.declaration
         parameters = {v.name: v for v in declaration.of(Parameter)}
-        starts = {v.name: v for v in declaration.of(State, Input)}
+        starts = {v.name: v for v in declaration.startable()}
         for given, known, kind in (
             (slave.entry.parameters, parameters, "parameter"),
             (slave.entry.start, starts, "state or input to start"),
@@ -185,7 +191,7 @@ class _Wiring:
                 self.problems.add(UnconnectedInput(message, slave.entry.position, fix))
 
     def _source(self, slave: Slave, node: Node) -> Signal:
-        name, _, port = str(node.value).rpartition(".")
+        name, port = endpoint(str(node.value))
         if name in self._unknown:
             return Signal(slave.name, "")
         if name not in self.slaves:
@@ -210,7 +216,7 @@ class _Wiring:
 
     def _evaluate(self, slave: Slave) -> None:
         """Every value as an array (instances or 1, *shape)."""
-        for variable in slave.declaration.of(Parameter, State, Input):
+        for variable in (*slave.declaration.of(Parameter), *slave.declaration.startable()):
             value = self.values.get((slave.name, variable.name))
             if value is not None:
                 array = self.problems.attempt(_array, slave, variable, value, self.diagram.fleets)
@@ -242,7 +248,7 @@ class _Wiring:
         record = self.diagram.record
         named = [*(record.signals if record else ()), *(m.signal for m in self.diagram.metrics.values())]
         for node in named:
-            if str(node.value).rpartition(".")[0] not in self._unknown:
+            if endpoint(str(node.value))[0] not in self._unknown:
                 self.problems.attempt(network.find, str(node.value), node.position)
 
     @property
@@ -257,7 +263,7 @@ def _array(slave: Slave, variable: Variable, value: Value, fleets: Mapping[str, 
     if slave.fleet:
         names = [{"i": k + 1.0, "N": float(slave.count)} for k in range(slave.count)]
         per_member = len(value.shape) == len(shape) + 1
-        if per_member or value.uses("i"):
+        if per_member or (not variable.dtype.hasobject and value.uses("i")):
             rows = [value.member(k) if per_member else value for k in range(slave.count)]
             return np.stack([row.array(shape, variable.dtype, n) for row, n in zip(rows, names, strict=True)])
         return value.array(shape, variable.dtype, names[0])[np.newaxis]

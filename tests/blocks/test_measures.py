@@ -47,7 +47,7 @@ def test_formation_errors():
 def separation(x, radii, capacity=50):
     """The smallest gap and the touching pairs."""
     robots = len(x)
-    cells, work = np.zeros((robots, 2), np.int64), np.zeros((3, robots), np.int32)
+    cells, work = np.zeros((robots, 2), np.int64), np.zeros((3, robots), np.int64)
     touching, min_gap = np.zeros((capacity, 2), np.int32), np.zeros(1)
     Separation.outputs(x, radii, cells, *work, touching, min_gap)
     return min_gap[0], touching

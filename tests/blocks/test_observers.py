@@ -29,7 +29,8 @@ def test_activations(centres, place):
     rng = np.random.default_rng(3)
     x, v, phi = place + rng.normal(size=3), place + rng.normal(size=3), np.zeros(len(centres))
     for width in (8.0, 2.0):
-        activations(x, v, centres, width, equal_spacing(centres), phi)
+        spacing = equal_spacing(centres)
+        activations(x, v, centres, width, spacing, np.exp(-4 * spacing**2 / width**2), phi)
         np.testing.assert_allclose(phi, gaussian(x, v, centres, width), rtol=1e-10, atol=1e-200)
 
 
@@ -63,12 +64,12 @@ def test_finite_time_observer(beta_1):
 
 def neural(x, u, g, x_hat, v_hat, W_hat, gamma_1, gamma_2, beta_1=2 / 3):
     """The block's (d x_hat, d v_hat, d W_hat, w_hat)."""
-    root, spacing, lower = np.zeros(1, int), np.zeros(1), np.zeros(len(gamma_1))
-    NeuralObserver.calculate(beta_1, 1.0, CENTRES, root, spacing, lower)
+    root, spacing, decay, lower = np.zeros(1, int), np.zeros(1), np.zeros(1), np.zeros(len(gamma_1))
+    NeuralObserver.calculate(beta_1, 1.0, CENTRES, 8.0, root, spacing, decay, lower)
     s_1, s_2, w_hat, d_x, d_v = np.zeros((5, 3))
     phi, d_W = np.zeros(8), np.zeros((8, 3))
     NeuralObserver.outputs_correction(x, x_hat, beta_1, root[0], s_1, s_2)
-    NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, spacing[0], phi, w_hat)
+    NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, spacing[0], decay[0], phi, w_hat)
     NeuralObserver.derivatives(
         u, g, v_hat, W_hat, w_hat, s_1, s_2, phi, 8.0, 7.0, gamma_1, gamma_2, lower, d_x, d_v, d_W
     )
