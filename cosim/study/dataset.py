@@ -1,0 +1,145 @@
+"""All figures of a study as one labelled netCDF-4 file, variant × grid × draw: ``xarray.open_dataset(path)``."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import ResultError
+from cosim.results import NOT_A_VARIABLE, versions
+from cosim.study.description import short_names
+from cosim.study.member import Row
+from cosim.study.model import Study
+from cosim.study.running import Results
+
+Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
+
+
+def write(path: Path, results: Results) -> None:
+    """Write the data set, in place of an older one. Raises: ResultError."""
+    import h5py
+
+    study = results.study
+    coordinates = _coordinates(study)
+    variables = _variables(results, tuple(len(values) for _, values, _ in coordinates.values()))
+    fresh = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
+    try:
+        with h5py.File(fresh, "w", track_order=True) as file:
+            file.attrs.update({"title": study.title, "study": study.text, "versions": json.dumps(versions())})
+            for name, variable in {**coordinates, **variables}.items():
+                _create(file, name, variable)
+        os.replace(fresh, path)
+    except OSError as error:
+        raise ResultError(f"cannot write {path}: {error}", fix="choose a folder that you may write to") from None
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _create(file: Any, name: str, variable: Variable) -> None:
+    """One variable with its dimensions; a dimension that has no values of its own is made when it is first used."""
+    import h5py
+
+    dimensions, values, about = variable
+    kind = h5py.string_dtype() if values.dtype == object else values.dtype
+    made = file.create_dataset(name, data=values, dtype=kind, track_order=True)
+    made.attrs.update(about)
+    if dimensions == (name,):
+        made.make_scale(name)
+        return
+    for axis, (dimension, size) in enumerate(zip(dimensions, values.shape, strict=True)):
+        if dimension not in file:
+            file.create_dataset(dimension, (size,), ">f4", track_order=True)
+            file[dimension].make_scale(f"{NOT_A_VARIABLE}{size:10d}")
+        made.dims[axis].attach_scale(file[dimension])
+
+
+def scalar(value: Any) -> float:
+    """A metric as one number: events are counted; NaN where there is none."""
+    if isinstance(value, bool | int | float):
+        return float(value)
+    if isinstance(value, list) and all(isinstance(item, dict) for item in value):
+        return float(len(value))
+    return float("nan")
+
+
+def _coordinates(study: Study) -> dict[str, Variable]:
+    found: dict[str, Variable] = {"variant": (("variant",), np.array(list(study.variants), object), {})}
+    for axis in study.grid:
+        numbers = all(isinstance(value, int | float) for value in axis.values)
+        values = np.array(axis.values, float) if numbers else np.array([json.dumps(v) for v in axis.values], object)
+        found[axis.name] = (axis.name,), values, {"long_name": ", ".join(axis.paths)}
+    if study.random:
+        found["draw"] = ("draw",), np.arange(study.random.count), {"long_name": "number of the random draw"}
+    return found
+
+
+def _variables(results: Results, shape: tuple[int, ...]) -> dict[str, Variable]:
+    dimensions = results.study.dimensions
+    found: dict[str, Variable] = {}
+
+    def column(name: str, fill: Any, kind: Any, about: dict[str, str], more: tuple[int, ...] = ()) -> np.ndarray:
+        if name not in found:
+            extra = tuple(f"{name}_axis{q}" for q in range(len(more)))
+            values = np.full((prod(shape), *more), fill, kind)
+            found[name] = (*dimensions, *extra), values, about
+        return found[name][1]
+
+    units = {name: {"units": unit} if unit else {} for name, unit in _units(results).items()}
+    for at, row in enumerate(results.rows()):
+        column("status", "", object, {"long_name": "how the run ended"})[at] = row["status"]
+        column("reason", "", object, {"long_name": "why it ended before its end"})[at] = row["reason"]
+        column("steps", 0, np.int64, {})[at] = row["steps"]
+        column("seconds", 0.0, float, {"units": "s", "long_name": "wall-clock time of the solution"})[at] = row[
+            "seconds"
+        ]
+        for name, value in row["metrics"].items():
+            _put(column, at, name, value, units.get(name, {}))
+    draws = _drawn(results)
+    return {**{k: (d, v.reshape(*shape, *v.shape[1:]), a) for k, (d, v, a) in found.items()}, **draws}
+
+
+def _put(column: Any, at: int, name: str, value: Any, about: dict[str, str]) -> None:
+    """One metric of one member: a number, an array, or events as their number and their text."""
+    if isinstance(value, list) and all(isinstance(item, dict) for item in value):
+        column(name, np.nan, float, {"long_name": "number of events"})[at] = len(value)
+        column(f"{name}_events", "", object, {"long_name": "events as JSON"})[at] = json.dumps(value)
+        return
+    array = np.array(value, float)  # null is NaN
+    target = column(name, np.nan, float, about, array.shape)
+    if target.shape[1:] == array.shape:
+        target[at] = array
+
+
+def _drawn(results: Results) -> dict[str, Variable]:
+    """What was drawn, as variables over the draws."""
+    if results.draws is None:
+        return {}
+    drawn = list(results.draws.values())
+    names = short_names(",".join(draw.paths) for draw, _ in drawn)
+    found: dict[str, Variable] = {}
+    for name, (draw, values) in zip(names, drawn, strict=True):
+        axes = tuple(f"{name}_axis{q}" for q in range(values.ndim - 1))
+        found[f"drawn_{name}"] = ("draw", *axes), values, {"long_name": ", ".join(draw.paths)}
+    return found
+
+
+def _units(results: Results) -> dict[str, str]:
+    units: dict[str, str] = {}
+    for variant in results.study.variants:
+        network = results.variants.base(variant)
+        for name, metric in network.diagram.metrics.items():
+            unit = network.variable(network.find(str(metric.signal.value), metric.signal.position)).unit
+            if isinstance(unit, str) and metric.reduce != "events":
+                units.setdefault(name, unit)
+    return units
+
+
+def metric_names(rows: Iterable[Row]) -> list[str]:
+    """All metrics that any member has, in order."""
+    return list(dict.fromkeys(name for row in rows for name in row["metrics"]))

@@ -1,0 +1,106 @@
+"""Where members run: on threads of this process, in processes of their own, or on a Dask cluster.
+
+All three are `concurrent.futures` executors, and all run the same function on the same table, so they give the same
+bits. Threads share the kernels, and the compiled loop lets go of the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from functools import lru_cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from cosim.errors import ClusterError
+from cosim.study import description, member
+from cosim.study.member import Row
+from cosim.study.plan import Member
+from cosim.study.variants import Variants
+
+RETRIES = 8
+"""How often a member is given to another worker when its worker dies."""
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def threads(count: int) -> Iterator[Executor]:
+    """Threads of this process; on the way out by an exception, what has not begun is cancelled."""
+    with _ending(ThreadPoolExecutor(count, "member")) as executor:
+        yield executor
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Executor]:
+    """Processes of their own, for blocks that a process can have only once."""
+    with _ending(ProcessPoolExecutor(count, get_context("spawn"))) as executor:
+        yield executor
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[tuple[Executor, int]]:
+    """A Dask cluster, and how many threads its workers have. Raises: ClusterError."""
+    try:
+        from distributed import Client
+    except ImportError:
+        message = "Dask's distributed scheduler is not installed"
+        raise ClusterError(message, fix='python -m pip install "cosim[dask]"') from None
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        fix = "start it with `dask scheduler`, and workers with `dask worker ADDRESS`"
+        raise ClusterError(f"there is no Dask scheduler at {address}: {error}", fix=fix) from None
+    with client:
+        count = sum(client.nthreads().values())
+        with _ending(client.get_executor(pure=False, retries=RETRIES)) as executor:
+            yield executor, max(count, 1)
+
+
+@contextmanager
+def _ending(executor: Any) -> Iterator[Any]:
+    try:
+        yield executor
+    except BaseException:
+        executor.shutdown(wait=True, cancel_futures=True)
+        raise
+    executor.shutdown(wait=True)
+
+
+def finished(
+    jobs: Iterable[Any], submit: Callable[[Any], Future[Row]], window: int
+) -> Iterator[tuple[Any, Future[Row]]]:
+    """Each job with its future when that is done, in any order; never more than `window` are under way."""
+    pending: dict[Future[Row], Any] = {}
+    for job in jobs:
+        pending[submit(job)] = job
+        if len(pending) >= window:
+            yield from _done(pending)
+    while pending:
+        yield from _done(pending)
+
+
+def _done(pending: dict[Future[Row], Any]) -> Iterator[tuple[Any, Future[Row]]]:
+    done, _ = wait(pending, return_when=FIRST_COMPLETED)
+    for future in done:
+        yield pending.pop(future), future
+
+
+def run_elsewhere(path: str, settings: tuple[str, ...], chosen: Member, file: Path | None, key: str) -> Row:
+    """Run a member in another process, which reads the study itself, and again if its copy is not up to date."""
+    variants = _variants(path, settings)
+    if member.key(variants.prepared(chosen)) != key:
+        _variants.cache_clear()
+        variants = _variants(path, settings)
+    return member.run(variants, chosen, file, lambda time: None)
+
+
+@lru_cache(maxsize=4)
+def _variants(path: str, settings: tuple[str, ...]) -> Variants:
+    return Variants(description.load(path, settings))

@@ -1,0 +1,140 @@
+"""What a study is: a diagram, its variants, a grid, random draws, and how the figures are tabulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import Position
+from cosim.source import Node
+
+METHODS = ("random", "latin-hypercube", "sobol")
+STATISTICS = ("max", "mean", "median", "min", "std")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One named variant: a diagram, another or the study's own, with an overlay, swaps and settings on top of it."""
+
+    name: str
+    diagram: Path
+    diagram_position: Position
+    description: str = ""
+    overlay: Node | None = None
+    swaps: dict[str, Node] = field(default_factory=dict)
+    settings: dict[str, Node] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of the grid: the dotted paths that take its values together."""
+
+    name: str
+    paths: tuple[str, ...]
+    values: tuple[Any, ...]
+    node: Node
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A random value at dotted paths: uniform from a to b, or normal with mean a and standard deviation b."""
+
+    paths: tuple[str, ...]
+    normal: bool
+    a: np.ndarray
+    b: np.ndarray
+    node: Node
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a signal has to satisfy at time zero for a draw to count: least ≤ every element ≤ most."""
+
+    signal: str
+    least: float
+    most: float
+    node: Node
+
+
+@dataclass(frozen=True)
+class Random:
+    """Random draws, the same ones for every variant and grid point."""
+
+    count: int
+    seed: int
+    method: str
+    draws: tuple[Draw, ...]
+    accept: tuple[Bounds, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One figure of a table: a metric, reduced over what the rows leave open.
+
+    statistic: one of STATISTICS, or a quantile from 0 to 1. above, below: the share of runs beyond a limit instead.
+    """
+
+    heading: str
+    metric: Node
+    statistic: str | float = "max"
+    above: float | None = None
+    below: float | None = None
+    format: str = ".3g"
+
+
+@dataclass(frozen=True)
+class TableLayout:
+    """A table: one row for each combination of the named dimensions, one column for each figure."""
+
+    title: str
+    rows: tuple[str, ...]
+    columns: tuple[Column, ...]
+    transpose: bool
+    node: Node
+
+
+@dataclass(frozen=True)
+class Question:
+    """Runs of `baseline` whose metric is not beyond the limit are looked at in every other variant."""
+
+    baseline: str
+    metric: Node
+    above: float | None
+    below: float | None
+
+
+@dataclass
+class Study:
+    """A study file, checked against the grammar.
+
+    metrics: the names to keep, None for all. references: figures from elsewhere, source -> variant -> metric -> value.
+    record: None, True for the diagram's own recording, or what replaces it. figures: as `cosim.plot` reads them.
+    """
+
+    title: str
+    description: str
+    path: Path
+    text: str
+    variants: dict[str, Variant]
+    grid: tuple[Axis, ...] = ()
+    random: Random | None = None
+    metrics: tuple[Node, ...] | None = None
+    added_metrics: Node | None = None
+    record: Node | None = None
+    tables: tuple[TableLayout, ...] = ()
+    references: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    question: Question | None = None
+    figures: dict[str, Node] = field(default_factory=dict)
+
+    @property
+    def records(self) -> bool:
+        """Whether members write their signals."""
+        return self.record is not None
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """The names of the study's dimensions, in order."""
+        return ("variant", *(axis.name for axis in self.grid), *(("draw",) if self.random else ()))

@@ -1,0 +1,62 @@
+"""The members of a study: variants × grid × draws, in that order."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from cosim.errors import UnknownSetting
+from cosim.study.draws import Draws
+from cosim.study.model import Study
+
+
+@dataclass(frozen=True)
+class Member:
+    """One run of a study. settings: (dotted path, plain value), as --set takes them."""
+
+    variant: str
+    grid: tuple[int, ...] = ()
+    draw: int | None = None
+    settings: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What to call it in messages, on the command line and in names of files: `NBOVP-2-17`, counting from 0."""
+        return "-".join(map(str, (self.variant, *self.grid, *(() if self.draw is None else (self.draw,)))))
+
+
+def size(study: Study) -> int:
+    """How many members there are."""
+    count = len(study.variants) * (study.random.count if study.random else 1)
+    for axis in study.grid:
+        count *= len(axis.values)
+    return count
+
+
+def members(study: Study, draws: Draws | None) -> Iterator[Member]:
+    """All members, made one by one; `draws` are those of the study, None if it has none."""
+    points = itertools.product(*(range(len(axis.values)) for axis in study.grid))
+    for variant, point in itertools.product(study.variants, list(points)):
+        chosen = grid_settings(study, point)
+        if draws is None:
+            yield Member(variant, point, None, chosen)
+            continue
+        for number in range(draws.count):
+            yield Member(variant, point, number, (*chosen, *draws.settings(number)))
+
+
+def find(study: Study, draws: Draws | None, name: str) -> Member:
+    """The member of that name. Raises: UnknownSetting."""
+    for member in members(study, draws):
+        if member.name == name:
+            return member
+    first = next(members(study, draws)).name
+    fix = f"variant, then the numbers of the grid's values and of the draw, from 0, such as {first}"
+    raise UnknownSetting(f"the study has no member `{name}`", fix=fix)
+
+
+def grid_settings(study: Study, point: tuple[int, ...]) -> tuple[tuple[str, Any], ...]:
+    """What a point of the grid sets."""
+    return tuple((path, axis.values[at]) for axis, at in zip(study.grid, point, strict=True) for path in axis.paths)

@@ -1,0 +1,270 @@
+"""Wires each structure of a study once, and gives its members their values without wiring again.
+
+Members with the same variant, the same structural settings and values of the same shapes share a `Template`: a table
+whose arena is copied and given other numbers. Everything else goes through the diagram's own rules for layers.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import diagram, overlay, simulation, table, wiring
+from cosim.block import Input, Parameter, State
+from cosim.errors import CosimError, DiagramErrors, MetricError, Position, Problems, RuleViolation, nearest
+from cosim.simulation import Kernels, Simulation
+from cosim.source import Node
+from cosim.study import plan
+from cosim.study.draws import Draws
+from cosim.study.model import Draw, Study, Variant
+from cosim.study.plan import Member
+from cosim.table import Table
+from cosim.values import Value
+from cosim.wiring import Network, Signal
+
+Settings = tuple[tuple[str, Any], ...]
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a dotted path leads: a parameter or start value, or one element of it (indices from 0)."""
+
+    signal: Signal
+    section: str
+    indices: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A member ready to run; the table is its own, the kernels are everybody's."""
+
+    network: Network
+    table: Table
+    kernels: Kernels
+
+
+class Template:
+    """One wired structure."""
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+        self.table = table.build(network, network.diagram.run.method)
+        self.kernels = simulation.compile_table(self.table)
+        for module in (*self.kernels.modules.values(), self.kernels.loop):
+            if module:
+                module.load()  # here, where no other thread is loading
+
+    def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
+        """With other values, of the shapes that the template was wired with. Raises: DiagramErrors, ExpressionError."""
+        contents: dict[Signal, Node] = {}
+        for path, value in settings:
+            address = address_of(self.network, path)
+            if address:
+                before = contents.get(address.signal) or _written(self.network, address)
+                new = as_node(value, positions[path])
+                contents[address.signal] = _with_element(before, address.indices, new) if address.indices else new
+        values = {signal: Value.read(node, str(signal)) for signal, node in contents.items()}
+        network = wiring.revalue(self.network, values)
+        return Prepared(network, self.table.revalued(network, values), self.kernels)
+
+
+class Variants:
+    """The templates of a study, each made when it is first needed; may be used from several threads."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self._templates: dict[str, Template] = {}
+        self._bases: dict[str, Network] = {}
+        self._trees: dict[str, tuple[Node, list[Path]]] = {}
+        self._lock = threading.Lock()
+        grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
+        random = {path: d.node.place for d in study.random.draws for path in d.paths} if study.random else {}
+        self.positions = {**grid, **random}
+
+    def check(self) -> None:
+        """Wire every variant, and its first grid point with typical draws; rules may be broken there.
+
+        Raises: DiagramErrors, with all mistakes of all variants.
+        """
+        problems = Problems()
+        for name in self.study.variants:
+            try:
+                self.base(name)
+            except CosimError as error:
+                problems.add(error)
+        problems.raise_if_any()
+        point = plan.grid_settings(self.study, (0,) * len(self.study.grid))
+        draws = self.draws()
+        for name in self.study.variants:
+            try:
+                self.wire(name, (*point, *(draws.typical() if draws else ())))
+            except DiagramErrors as found:
+                for mistake in found.errors:
+                    if not isinstance(mistake, RuleViolation):
+                        problems.add(mistake)
+        problems.raise_if_any()
+
+    def shareable(self) -> bool:
+        """Whether several members may run in one process: not if a block can be in a process only once."""
+        slaves = [slave for name in self.study.variants for slave in self.base(name).slaves.values()]
+        return all(getattr(slave.declaration, "shareable", True) for slave in slaves)
+
+    def base(self, variant: str) -> Network:
+        """A variant as it is without grid and draws. Raises: DiagramErrors."""
+        if variant not in self._bases:
+            self._bases[variant] = self.wire(variant, ())
+        return self._bases[variant]
+
+    def draws(self) -> Draws | None:
+        """The draws of the study; they are judged, and have the shapes that they have, in its first variant."""
+        random = self.study.random
+        if random is None:
+            return None
+        first = next(iter(self.study.variants))
+        network = self.base(first)
+        problems = Problems()
+        signals = []
+        for bounds in random.accept:
+            try:
+                signals.append((network.find(bounds.signal, bounds.node.place), bounds))
+            except CosimError as error:
+                problems.add(error)
+        problems.raise_if_any()
+        point = plan.grid_settings(self.study, (0,) * len(self.study.grid))
+
+        def accepts(settings: Settings) -> bool:
+            if not signals:
+                return True
+            try:
+                prepared = self.prepared(Member(first, settings=(*point, *settings)))
+                start = Simulation(prepared.table, prepared.kernels)
+                start.initialize()
+            except CosimError:
+                return False
+            found = [(start.value(signal), bounds) for signal, bounds in signals]
+            return all(bool(np.all((b.least <= v) & (v <= b.most))) for v, b in found)
+
+        return Draws(random, [self._draw_shape(network, draw) for draw in random.draws], accepts)
+
+    def prepared(self, member: Member) -> Prepared:
+        """A member's table. Raises: DiagramErrors, KernelError."""
+        base = self.base(member.variant)
+        values = tuple((path, value) for path, value in member.settings if address_of(base, path))
+        structure = [pair for pair in member.settings if pair not in values]
+        kinds = [(path, str(_shape(value)), _names_member(value)) for path, value in values]
+        key = json.dumps([member.variant, structure, kinds])
+        with self._lock:
+            if key not in self._templates:
+                self._templates[key] = Template(self.wire(member.variant, member.settings))
+            template = self._templates[key]
+        return template.prepared(values, self.positions)
+
+    def wire(self, variant: str, settings: Settings) -> Network:
+        """A member through the diagram's own layers, all of it. Raises: DiagramErrors."""
+        problems = Problems()
+        tree, files = self._tree(self.study.variants[variant], problems)
+        for path, value in settings:
+            try:
+                tree = overlay.set_value(tree, path, as_node(value, self.positions[path]), self.positions[path])
+            except CosimError as error:
+                problems.add(error)
+        return wiring.wire(diagram.build(tree, files, problems), problems)
+
+    def _tree(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:
+        """A variant's layers, merged; with the study's metrics, and with the recording that it asks for."""
+        if variant.name not in self._trees:
+            tree, files = overlay.read_layers(variant.diagram, problems, variant.diagram_position)
+            if variant.overlay:
+                tree = overlay.merge(tree, variant.overlay)
+            for block, node in variant.swaps.items():
+                tree = overlay.swap_type(tree, block, node)
+            for path, node in variant.settings.items():
+                tree = overlay.set_value(tree, path, node, node.place)
+            self._trees[variant.name] = self._measured(tree), files
+        return self._trees[variant.name]
+
+    def _measured(self, tree: Node) -> Node:
+        study, place = self.study, tree.position
+        if study.added_metrics:
+            tree = overlay.merge(tree, Node({"metrics": study.added_metrics}, place))
+        entries = dict(tree.value)
+        if study.metrics is not None and "metrics" in entries:
+            known = entries["metrics"].value
+            for node in study.metrics:
+                if node.value not in known:
+                    message = f"there is no metric `{node.value}`"
+                    raise MetricError(message, node.position, nearest(str(node.value), known))
+            chosen = {node.value: known[node.value] for node in study.metrics}
+            entries["metrics"] = replace(entries["metrics"], value=chosen)
+        if study.record is None:
+            entries.pop("record", None)
+        elif study.record.value:
+            entries["record"] = study.record
+        return replace(tree, value=entries)
+
+    def _draw_shape(self, network: Network, draw: Draw) -> tuple[int, ...]:
+        """The shape of the value that a draw replaces: what stands there is drawn element by element."""
+        address = address_of(network, draw.paths[0])
+        shape: tuple[int, ...] = ()
+        if address:
+            node = _written(network, address)
+            for index in address.indices:
+                node = node.value[index]
+            shape = Value.read(node, draw.paths[0]).shape
+        return np.broadcast_shapes(shape, draw.a.shape, draw.b.shape)
+
+
+def address_of(network: Network, path: str) -> Address | None:
+    """The parameter or start value that a dotted path names; None for anything else, which is structure."""
+    parts = path.split(".")
+    if len(parts) < 4 or parts[0] != "blocks" or parts[2] not in ("parameters", "start"):
+        return None
+    slave = network.slaves.get(parts[1])
+    if slave is None:
+        return None
+    classes = Parameter if parts[2] == "parameters" else (State, Input)
+    for end in range(len(parts), 3, -1):
+        name, rest = ".".join(parts[3:end]), parts[end:]
+        known = isinstance(slave.declaration.variables.get(name), classes)
+        if known and name not in slave.wires and all(part.isdecimal() for part in rest):
+            return Address(Signal(parts[1], name), parts[2], tuple(map(int, rest)))
+    return None
+
+
+def as_node(value: Any, position: Position) -> Node:
+    """A plain value as a node, all of it at one place."""
+    if isinstance(value, list | tuple):
+        return Node([as_node(item, position) for item in value], position)
+    return Node(value, position)
+
+
+def _written(network: Network, address: Address) -> Node:
+    """What the diagram says of a value, or else the block's default."""
+    slave, name = network.slaves[address.signal.slave], address.signal.variable
+    entries = getattr(slave.entry, address.section)
+    if name in entries:
+        return entries[name]
+    default = slave.declaration.variables[name].start
+    return as_node(np.asarray(default).tolist() if np.ndim(default) else default, slave.entry.position)
+
+
+def _with_element(node: Node, indices: tuple[int, ...], new: Node) -> Node:
+    if not indices:
+        return new
+    items = list(node.value)
+    items[indices[0]] = _with_element(items[indices[0]], indices[1:], new)
+    return Node(items, node.position)
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    return (len(value), *(_shape(value[0]) if value else ())) if isinstance(value, list | tuple) else ()
+
+
+def _names_member(value: Any) -> bool:
+    """Whether a value contains text, which may be an expression in the member's number."""
+    return any(map(_names_member, value)) if isinstance(value, list | tuple) else isinstance(value, str)
