@@ -199,6 +199,18 @@ class NoAcceptedDraw(CosimError):
     """Random draws of a study of which none satisfies its conditions."""
 
 
+class NotExportable(CosimError):
+    """A block that cannot become an FMU."""
+
+
+class CompilerMissing(CosimError):
+    """No C compiler for a platform that an FMU is to be built for."""
+
+
+class BuildFailed(CosimError):
+    """The C compiler or linker refused an FMU's code."""
+
+
 def nearest(name: str, known: Iterable[str], lead: str = "did you mean") -> str:
     """The usual fix for a misspelt name: the nearest known one, else all of them."""
     names = sorted(known)

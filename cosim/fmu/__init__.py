@@ -1,0 +1,1 @@
+"""Functional Mock-up Units: exporting blocks as native ones, and running those of others."""

@@ -1,0 +1,156 @@
+/* The life of an instance: memory, log, and which calls its phase allows. */
+#include "instance.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ALIGNMENT = 64 };
+
+const char *const category_names[N_CATEGORIES] = {"logEvents", "logStatusWarning", "logStatusError"};
+
+static const char *phase_name(uint32_t phase) {
+    switch (phase) {
+    case INSTANTIATED: return "before initialization";
+    case INITIALIZATION: return "in Initialization Mode";
+    case EVENT: return "in Event Mode";
+    case CONTINUOUS_TIME: return "in Continuous-Time Mode";
+    case STEP: return "between two steps";
+    case TERMINATED: return "after termination";
+    default: return "after an error";
+    }
+}
+
+static void set_control(Instance *i) {
+    int64_t *c = i->control;
+    memset(c, 0, sizeof i->control);
+    c[ENGINE_OPERATIONS] = (int64_t)(intptr_t)model.operations;
+    c[ENGINE_BANKS] = (int64_t)(intptr_t)model.banks;
+    c[ENGINE_FUNCTIONS] = (int64_t)(intptr_t)model.functions;
+    c[ENGINE_N_OPERATIONS] = model.n_operations;
+    c[ENGINE_N_BANKS] = model.n_banks;
+    c[ENGINE_N_FUNCTIONS] = model.n_functions;
+    c[ENGINE_STATES] = (int64_t)model.n_states;
+    c[ENGINE_X] = (int64_t)model.x;
+    c[ENGINE_W] = (int64_t)model.w;
+    c[ENGINE_START] = (int64_t)model.start;
+    c[ENGINE_SUM] = (int64_t)model.sum;
+    c[ENGINE_D] = (int64_t)model.d;
+}
+
+Instance *instance_new(const char *name, const char *token, Interface interface) {
+    if (!name || !token || strcmp(token, model.token)) return NULL;
+    Instance *i = calloc(1, sizeof *i);
+    if (!i) return NULL;
+    i->name = malloc(strlen(name) + 1);
+    i->memory = malloc(model.arena_bytes + ALIGNMENT);
+    if (!i->name || !i->memory) {
+        instance_free(i);
+        return NULL;
+    }
+    strcpy(i->name, name);
+    i->arena = (uint8_t *)(((uintptr_t)i->memory + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT);
+    i->interface = interface;
+    i->categories = LOG_WARNING | LOG_ERROR;
+    set_control(i);
+    instance_reset(i);
+    return i;
+}
+
+void instance_free(Instance *i) {
+    if (!i) return;
+    free(i->name);
+    free(i->memory);
+    free(i);
+}
+
+void instance_reset(Instance *i) {
+    memset(i->arena, 0, model.arena_bytes);
+    for (uint32_t s = 0; s < model.n_segments; s++) {
+        const Segment *segment = &model.segments[s];
+        memcpy(i->arena + segment->offset, model.words + segment->first, 8 * (size_t)segment->words);
+    }
+    memset(&i->at, 0, sizeof i->at);
+    i->at.phase = INSTANTIATED;
+    i->at.step = model.step;
+    i->at.calculate_stale = i->at.outputs_stale = i->at.derivatives_stale = 1;
+}
+
+Status tell(Instance *i, Status status, unsigned category, const char *format, ...) {
+    if (i->log && (i->categories & category)) {
+        char message[1024];
+        va_list values;
+        va_start(values, format);
+        vsnprintf(message, sizeof message, format, values);
+        va_end(values);
+        int n = 0;
+        while (n < N_CATEGORIES - 1 && category != 1u << n) n++;
+        i->log(i, status, category_names[n], message);
+    }
+    if (status >= ERROR) i->at.phase = FAILED;
+    return status;
+}
+
+bool allowed(Instance *i, const char *function, unsigned phases) {
+    if (!i) return false;
+    if (i->at.phase & phases) return true;
+    tell(i, ERROR, LOG_ERROR, "%s: not allowed %s", function, phase_name(i->at.phase));
+    return false;
+}
+
+bool allowed_in(Instance *i, const char *function, Interface interface, unsigned phases) {
+    if (!i) return false;
+    if (i->interface == interface) return allowed(i, function, phases);
+    const char *name = interface == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation";
+    tell(i, ERROR, LOG_ERROR, "%s: belongs to %s, as which this was not instantiated", function, name);
+    return false;
+}
+
+Status set_categories(Instance *i, bool on, size_t n, const char *const names[]) {
+    unsigned chosen = n == 0 ? LOG_ALL : 0;
+    for (size_t k = 0; k < n; k++) {
+        int c = 0;
+        while (c < N_CATEGORIES && (!names[k] || strcmp(names[k], category_names[c]))) c++;
+        if (c == N_CATEGORIES) return tell(i, ERROR, LOG_ERROR, "there is no such log category");
+        chosen |= 1u << c;
+    }
+    i->categories = on ? i->categories | chosen : i->categories & ~chosen;
+    return OK;
+}
+
+size_t size_of(Type type) {
+    switch (type) {
+    case FLOAT64: case INT64: case UINT64: return 8;
+    case FLOAT32: case INT32: case UINT32: return 4;
+    case INT16: case UINT16: return 2;
+    default: return 1;
+    }
+}
+
+uint8_t *address(Instance *i, const Variable *v, uint32_t element) {
+    if (v->kind == TIME) return (uint8_t *)&i->at.time;
+    return i->arena + v->offset + element * size_of(v->type);
+}
+
+Status settable(Instance *i, const char *function, const Variable *v) {
+    if (v->settable & i->at.phase) return OK;
+    return tell(i, ERROR, LOG_ERROR, "%s: `%s` cannot be set %s", function, v->name, phase_name(i->at.phase));
+}
+
+void was_set(Instance *i, const Variable *v, uint32_t element, uint32_t count) {
+    const size_t size = size_of(v->type);
+    const uint64_t first = v->offset + element * size, bytes = count * size;
+    Progress *at = &i->at;
+    if (v->kind == PARAMETER) at->calculate_stale = 1;
+    at->outputs_stale = at->derivatives_stale = 1;
+    if (at->phase == STEP) at->inputs_set = 1;
+    if (!(at->phase & (INSTANTIATED | INITIALIZATION))) return;
+    for (uint32_t s = 0; s < model.n_started; s++) {
+        const Started *started = &model.started[s];
+        if (first < started->offset || first >= started->offset + started->bytes) continue;
+        uint8_t *shadow = i->arena + started->shadow + (first - started->offset);
+        memcpy(shadow, i->arena + first, bytes);
+        memset(shadow + started->bytes, 1, bytes);
+    }
+}

@@ -1,0 +1,109 @@
+/* One instance of the model behind either standard: its memory, its phase, and what can be done with it. */
+#ifndef COSIM_INSTANCE_H
+#define COSIM_INSTANCE_H
+
+#include "layout.h"
+#include "model.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* FMI 2 and FMI 3 number their statuses alike. */
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL } Status;
+
+/* The states of the standards' state machines; STEP is FMI 2's stepComplete, FAILED its error. */
+typedef enum {
+    INSTANTIATED = 1,
+    INITIALIZATION = 2,
+    EVENT = 4,
+    CONTINUOUS_TIME = 8,
+    STEP = 16,
+    TERMINATED = 32,
+    FAILED = 64
+} Phase;
+enum {
+    ANY_PHASE = 127,
+    INITIALIZED = EVENT | CONTINUOUS_TIME | STEP,
+    WRITABLE = INSTANTIATED | INITIALIZATION | INITIALIZED
+};
+
+typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Interface;
+
+/* Log categories; the names are in `category_names`. */
+enum { LOG_EVENTS = 1, LOG_WARNING = 2, LOG_ERROR = 4, LOG_ALL = 7 };
+enum { N_CATEGORIES = 3 };
+extern const char *const category_names[N_CATEGORIES];
+
+/* Where a run stands. With the arena, this is all that an FMU state holds. */
+typedef struct {
+    uint32_t phase;
+    uint8_t calculate_stale, outputs_stale, derivatives_stale;
+    uint8_t inputs_set;  /* Co-Simulation: something was set after the last step */
+    uint8_t sampling;    /* Model Exchange: a sample instant is being handled in Event Mode */
+    uint8_t stop_defined;
+    double time;         /* as the importer counts it (s) */
+    double start, stop;
+    double origin;       /* the grid of inner steps: step k is at origin + (k - origin_step) * step */
+    double step;
+    int64_t origin_step;
+    int64_t k;           /* the inner step, or the last sample instant in Model Exchange */
+    int64_t next;        /* Model Exchange: the next sample instant */
+} Progress;
+
+typedef struct Instance Instance;
+struct Instance {
+    char *name;
+    void *environment;
+    void (*log)(const Instance *, Status, const char *category, const char *message);
+    void *logger; /* the importer's callback, which `log` knows how to call */
+    unsigned categories;
+    Interface interface;
+    bool events; /* FMI 3 Co-Simulation: the importer uses Event Mode */
+    Progress at;
+    int64_t control[ENGINE_CONTROL_WORDS];
+    uint8_t *arena; /* aligned */
+    void *memory;   /* as allocated */
+};
+
+Instance *instance_new(const char *name, const char *token, Interface interface);
+void instance_free(Instance *);
+void instance_reset(Instance *);
+
+/* Tell the importer, and leave the instance FAILED if the status is an error. Returns the status. */
+Status tell(Instance *, Status, unsigned category, const char *format, ...);
+/* Whether a function may be called in this phase and interface; if not, the instance fails. */
+bool allowed(Instance *, const char *function, unsigned phases);
+bool allowed_in(Instance *, const char *function, Interface, unsigned phases);
+/* Turn log categories on or off; with no names, all. */
+Status set_categories(Instance *, bool on, size_t n, const char *const names[]);
+
+/* See that a variable's value is current. */
+Status refresh(Instance *, const Variable *);
+/* Whether a variable may be set now; if not, the instance fails. */
+Status settable(Instance *, const char *function, const Variable *);
+/* What follows from having set `count` elements of a variable. */
+void was_set(Instance *, const Variable *, uint32_t element, uint32_t count);
+uint8_t *address(Instance *, const Variable *, uint32_t element);
+size_t size_of(Type);
+
+Status enter_initialization(Instance *, double start, bool stop_defined, double stop);
+Status exit_initialization(Instance *, Phase next);
+Status do_step(Instance *, double time, double size);
+Status enter_event_mode(Instance *);
+Status leave_event_mode(Instance *, Phase next);
+/* Model Exchange: the time of the next sample instant; false if there is none. */
+bool next_event(Instance *, double *time);
+void set_time(Instance *, double time);
+void set_states(Instance *, const double *values);
+Status get_states(Instance *, double *values);
+Status get_derivatives(Instance *, double *values);
+
+/* FMU states: one block of memory, the same as its serialized form. */
+size_t snapshot_size(void);
+Status snapshot_take(Instance *, void **snapshot);
+Status snapshot_restore(Instance *, const void *snapshot);
+Status snapshot_write(Instance *, const void *snapshot, uint8_t *bytes, size_t size);
+Status snapshot_read(Instance *, const uint8_t *bytes, size_t size, void **snapshot);
+
+#endif
