@@ -24,7 +24,7 @@ def potential(distance: float, lower: float, outer: float, alpha: float) -> floa
     return alpha * math.log(clearance / (outer - lower)) + alpha * (outer - distance) / clearance
 
 
-def outer_boundary_in_range(radii, epsilon_2, neighbours):
+def outer_boundary_in_range(epsilon_2, radii, neighbours):
     """Whether every pair talks before its potential begins, where the topology has a range."""
     if neighbours is None or "R_c" not in neighbours.parameters:
         return True, "the topology has no range"

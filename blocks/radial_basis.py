@@ -36,22 +36,25 @@ def activations(
     middle /= 2 * x.size
     steps = (middle - centres[0]) / spacing
     nearest = 0 if not steps > 0.0 else last if steps >= last else int(steps + 0.5)
-    phi[nearest] = activation(x, v, centres[nearest], width)
+    largest = activation(x, v, centres[nearest], width)
+    phi[nearest] = largest
     scale = 2 * x.size * spacing / (width * width)
     shift = 2.0 * (middle - centres[nearest])
     falling = 1.0
     for _ in range(x.size):
         falling *= decay
     if nearest < last:
-        quotient = math.exp(scale * (shift - spacing))
+        value, quotient = largest, math.exp(scale * (shift - spacing))
         for j in range(nearest + 1, last + 1):
-            phi[j] = phi[j - 1] * quotient
+            value *= quotient
             quotient *= falling
+            phi[j] = value
     if nearest > 0:
-        quotient = math.exp(scale * (-shift - spacing))
+        value, quotient = largest, math.exp(scale * (-shift - spacing))
         for j in range(nearest - 1, -1, -1):
-            phi[j] = phi[j + 1] * quotient
+            value *= quotient
             quotient *= falling
+            phi[j] = value
 
 
 def activation(x: NDArray, v: NDArray, centre: float, width: float) -> float:

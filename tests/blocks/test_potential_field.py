@@ -69,7 +69,7 @@ def test_robots_in_one_place_are_no_division_by_zero():
 
 def test_outer_boundary_has_to_lie_in_range():
     topology = Source("RangeTopology", {"R_c": np.array(1.2)})
-    assert outer_boundary_in_range(RADII, 1.9, topology)[0]
-    assert not outer_boundary_in_range(RADII, 2.0, topology)[0]
-    assert outer_boundary_in_range(RADII, 2.0, Source("StaticTopology", {}))[0]
-    assert outer_boundary_in_range(RADII, 2.0, None)[0]
+    assert outer_boundary_in_range(1.9, RADII, topology)[0]
+    assert not outer_boundary_in_range(2.0, RADII, topology)[0]
+    assert outer_boundary_in_range(2.0, RADII, Source("StaticTopology", {}))[0]
+    assert outer_boundary_in_range(2.0, RADII, None)[0]
