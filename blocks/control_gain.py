@@ -48,7 +48,9 @@ class OmnidirectionalGain(Block):
     g = Output(3, 3, unit=("1/kg", "1/kg", "1/(kg.m)"), description="control gain; a column for each wheel")
     g_inverse = Output(3, 3, description="inverse of the control gain; a row for each wheel")
 
-    positive = rule("mass, inertia, radius > 0", "(42)")(lambda mass, inertia, radius: min(mass, inertia, radius) > 0.0)
+    positive = rule("mass, inertia, radius > 0", "eq. 42")(
+        lambda mass, inertia, radius: min(mass, inertia, radius) > 0.0
+    )
 
     def outputs(x, mass, inertia, radius, g, g_inverse):
         directions = wheel_directions(x[2])

@@ -47,11 +47,11 @@ class SlidingModeController(Block):
     a = Local("robots", "n", description="demanded accelerations")
     u = Output("robots", "n", description="control inputs")
 
-    positive = rule("c > 0 and lambda_ > 0", "(27), (33)")(lambda c, lambda_: c > 0.0 and min(lambda_) > 0.0)
+    positive = rule("c > 0 and lambda_ > 0", "eqs. 27 and 33")(lambda c, lambda_: c > 0.0 and min(lambda_) > 0.0)
     pinned = rule("b >= 0, and b > 0 for at least one robot", "Lemma 2")(lambda b: min(b) >= 0.0 and max(b) > 0.0)
     reached = condition("c sigma(Q_1)/2 - sigma_max(P_1) L_M/sigma(L_1 + B) > 0", "Theorem 3")(formation_reached)
     slow = condition("sigma(Lambda) - L_M/sigma(L_1 + B) > 0", "Theorem 3")(topology_slow)
-    apart = condition("references farther apart than the outer boundary of the potential", "Definition 2, (36)")(
+    apart = condition("references farther apart than the outer boundary of the potential", "Definition 2, eq. 36")(
         references_apart
     )
 

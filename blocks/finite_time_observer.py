@@ -28,10 +28,10 @@ class FiniteTimeObserver(Block):
     beta_1 = Parameter(unit="1", default="2/3", description="exponent of the position estimate")
     root = CalculatedParameter(dtype=int, unit="1", description="the root that both powers are made of; 0: none")
 
-    positive = rule("alpha_1, alpha_2, alpha_3 > 0", "(45)")(
+    positive = rule("alpha_1, alpha_2, alpha_3 > 0", "eq. 45")(
         lambda alpha_1, alpha_2, alpha_3: min(alpha_1, alpha_2, alpha_3) > 0.0
     )
-    exponent = rule("0.5 < beta_1 < 1", "(45)")(lambda beta_1: 0.5 < beta_1 < 1.0)
+    exponent = rule("0.5 < beta_1 < 1", "eq. 45")(lambda beta_1: 0.5 < beta_1 < 1.0)
 
     def calculate(beta_1, root):
         root[0] = common_root(beta_1)

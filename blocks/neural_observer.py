@@ -49,8 +49,10 @@ class NeuralObserver(Block):
 
     positive = rule("alpha_1, alpha_2 > 0", "Theorem 1")(lambda alpha_1, alpha_2: min(alpha_1, alpha_2) > 0.0)
     exponent = rule("0.5 < beta_1 < 1", "Theorem 1")(lambda beta_1: 0.5 < beta_1 < 1.0)
-    wide = rule("width > 0", "(7)")(lambda width: width > 0.0)
-    learning = rule("gamma_1 > 0 and gamma_2 > 0", "(13)")(lambda gamma_1, gamma_2: min(*gamma_1, *gamma_2, 1.0) > 0.0)
+    wide = rule("width > 0", "eq. 7")(lambda width: width > 0.0)
+    learning = rule("gamma_1 > 0 and gamma_2 > 0", "eq. 13")(
+        lambda gamma_1, gamma_2: min(*gamma_1, *gamma_2, 1.0) > 0.0
+    )
     stable = condition("A of the error's dynamics is Hurwitz", "Theorem 1, Lemma 4")(observer_stable)
     region = condition("the ultimate bound of the error lies in each band's region (23)", "Theorem 2")(observer_region)
 

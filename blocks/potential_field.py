@@ -1,7 +1,5 @@
 """Artificial potential field: the force that keeps robots from touching."""
 
-import math
-
 import numpy as np
 
 from blocks.distance import planar_distance
@@ -9,19 +7,11 @@ from cosim.block import Block, Input, Output, Parameter, rule
 
 
 def repulsion(distance: float, lower: float, outer: float, alpha: float) -> float:
-    """The size of f_ij, (9): -d Phi / d distance in (lower, outer], 0 elsewhere. Distances in m."""
+    """The size of f_ij, (9): minus the derivative of Phi (8) in (lower, outer], 0 elsewhere. Distances in m."""
     if not lower < distance <= outer:
         return 0.0
     clearance = distance - lower
     return alpha * (outer - distance) / (clearance * clearance)
-
-
-def potential(distance: float, lower: float, outer: float, alpha: float) -> float:
-    """Phi, (8), in (lower, outer), 0 elsewhere."""
-    if not lower < distance < outer:
-        return 0.0
-    clearance = distance - lower
-    return alpha * math.log(clearance / (outer - lower)) + alpha * (outer - distance) / clearance
 
 
 def outer_boundary_in_range(epsilon_2, radii, neighbours):
@@ -62,7 +52,7 @@ class PotentialField(Block):
         event="a neighbour is nearer than the minimal safe distance, where (9) gives no force",
     )
 
-    positive = rule("radii > 0 and alpha >= 0", "(8)")(lambda radii, alpha: min(radii) > 0.0 and alpha >= 0.0)
+    positive = rule("radii > 0 and alpha >= 0", "eq. 8")(lambda radii, alpha: min(radii) > 0.0 and alpha >= 0.0)
     margin = rule("epsilon_1 > 1", "Definition 2")(lambda epsilon_1: epsilon_1 > 1.0)
     order = rule("epsilon_2 > epsilon_1", "Definition 2")(lambda epsilon_2, epsilon_1: epsilon_2 > epsilon_1)
     outer = rule("an outer boundary epsilon_2 (R_i + R_j) of at most R_c", "Definition 2")(outer_boundary_in_range)

@@ -25,7 +25,9 @@ class OmnidirectionalRobot(Block):
     inertia = Parameter(unit="kg.m2", description="moment of inertia")
     radius = Parameter(unit="m", description="distance of the wheels from the centre")
 
-    positive = rule("mass, inertia, radius > 0", "(42)")(lambda mass, inertia, radius: min(mass, inertia, radius) > 0.0)
+    positive = rule("mass, inertia, radius > 0", "eq. 42")(
+        lambda mass, inertia, radius: min(mass, inertia, radius) > 0.0
+    )
 
     def derivatives(x, v, u, w, mass, inertia, radius, d_x, d_v):
         across_1, along_1, across_2, along_2, across_3, along_3 = wheel_directions(x[2])

@@ -3,11 +3,19 @@
 import numpy as np
 import pytest
 
-from blocks.potential_field import PotentialField, outer_boundary_in_range, potential, repulsion
+from blocks.potential_field import PotentialField, outer_boundary_in_range, repulsion
 from cosim.rules import Source
 
 RADII = np.array([0.24, 0.30, 0.23, 0.31])
 ALL = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]], np.int32)
+
+
+def potential(distance, lower, outer, alpha):
+    """Phi, (8)."""
+    if not lower < distance < outer:
+        return 0.0
+    clearance = distance - lower
+    return alpha * np.log(clearance / (outer - lower)) + alpha * (outer - distance) / clearance
 
 
 def field(x, neighbours, radii=RADII):
