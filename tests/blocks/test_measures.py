@@ -7,6 +7,7 @@ import pytest
 
 from blocks import cell_grid
 from blocks.differentiator_errors import DifferentiatorErrors
+from blocks.edge_weights import EdgeWeights, edges_are_pairs
 from blocks.estimation_errors import EstimationErrors
 from blocks.formation_errors import FormationErrors
 from blocks.pair_gaps import PairGaps, pairs_are_robots
@@ -118,3 +119,19 @@ def test_pair_gaps():
     assert pairs_are_robots(pairs, 6)[0]
     assert not pairs_are_robots(pairs, 5)[0]
     assert not pairs_are_robots(np.array([[2, 2]]), 6)[0]
+
+
+def test_edge_weights_are_the_elements_of_a_2_alone():
+    neighbours = np.array([[1, 2], [2, -1], [-1, -1]], np.int32)
+    weights = np.array([[1.0, 0.15], [0.2, 0.0], [0.0, 0.0]])
+    hears = np.array([[2], [0], [1]], np.int32)  # 1 hears 2 and 3 hears 1 in G1
+    edges = np.array([[1, 2], [1, 3], [2, 3], [3, 2]], np.int32)
+    a_2 = np.full(4, np.nan)
+    EdgeWeights.outputs(neighbours, weights, hears, edges, a_2)
+    assert a_2.tolist() == [0.0, 0.15, 0.2, 0.0]
+
+
+def test_edges_name_two_robots():
+    assert edges_are_pairs(np.array([[1, 3]]), 3)[0]
+    assert not edges_are_pairs(np.array([[1, 1]]), 3)[0]
+    assert not edges_are_pairs(np.array([[0, 2]]), 3)[0]

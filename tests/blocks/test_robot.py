@@ -49,7 +49,7 @@ def test_velocity_is_no_port():
 @pytest.mark.parametrize("i", [1, 6])
 def test_uncertainty(i):
     x, t, w = np.array([0.7, -1.3, 2.1]), 3.3, np.zeros(3)
-    Uncertainty.outputs(t, x, float(i), w)
+    Uncertainty.outputs(t, x, float(i), 1.0, w)
     phase = i * np.pi / 5
     expected = [
         0.5 * np.sin(0.7) + np.tanh(0.7) + 0.6 * np.sin(0.6 * t + phase),
