@@ -18,8 +18,8 @@ class EdgeWeights(Measure):
     neighbours = Input("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Input("robots", "capacity", unit="1", description="a_ij of each neighbour j")
     hears = Parameter("robots", "heard", dtype=np.int32, unit="1", description="whom each robot hears in G1; 0: nobody")
-    edges = Parameter("edges", 2, dtype=np.int32, unit="1", description="edges as robots' numbers, from 1: i hears j")
-    a_2 = Output("edges", unit="1", description="element a_ij of A_2 of each edge")
+    edges = Parameter("listed", 2, dtype=np.int32, unit="1", description="edges as robots' numbers, from 1: i hears j")
+    a_2 = Output("listed", unit="1", description="element a_ij of A_2 of each edge")
 
     numbers = rule("edges between two different robots")(edges_are_pairs)
 

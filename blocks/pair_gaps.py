@@ -17,8 +17,8 @@ class PairGaps(Measure):
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
-    pairs = Parameter("pairs", 2, dtype=np.int32, unit="1", description="pairs of robots' numbers, from 1")
-    gaps = Output("pairs", unit="m", description="gap of each pair")
+    pairs = Parameter("listed", 2, dtype=np.int32, unit="1", description="pairs of robots' numbers, from 1")
+    gaps = Output("listed", unit="m", description="gap of each pair")
 
     numbers = rule("pairs of two different robots")(pairs_are_robots)
 
