@@ -172,7 +172,7 @@ class Function:
 
     name: str
     kind: str
-    python: Callable[..., None]
+    python: Callable[..., Any]
     arguments: tuple[str, ...]
     writes: frozenset[str]
 

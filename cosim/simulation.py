@@ -62,6 +62,10 @@ def compile_table(table: Table) -> Kernels:
     made: dict[tuple[Any, ...], kernels.Module] = {}
     result = Kernels(loop=kernels.engine_module())
     for name, slave in table.network.slaves.items():
+        foreign = slave.declaration.foreign
+        if foreign:
+            result.modules[name] = kernels.raw_module("fmu", foreign.kernels)
+            continue
         if not slave.declaration.compiled:
             result.modules[name] = None
             continue
@@ -86,6 +90,8 @@ class Simulation:
         self.probes = probes
         self._faults: list[Exception] = []
         self._keep: list[Any] = []
+        self._foreign: dict[str, Any] = {}
+        weakref.finalize(self, _close, self._foreign)
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
             memory.interpreted.update((handle, self._python(n)) for n, handle in enumerate(functions))
@@ -103,7 +109,8 @@ class Simulation:
         call = self.table.calls[n]
         module = kernels.modules[call.slave]
         if module is not None:
-            return module.load().address(call.function.name)
+            foreign = self.table.network.slaves[call.slave].declaration.foreign
+            return module.load().address(call.function.python.__name__ if foreign else call.function.name)
         python = self._python(n)
         thunk = KERNEL(lambda time, base, frame: python(time))
         self._keep.append(thunk)
@@ -111,6 +118,10 @@ class Simulation:
 
     def _python(self, n: int) -> Callable[[float], int]:
         """The n-th call as plain Python."""
+        call = self.table.calls[n]
+        if self.table.network.slaves[call.slave].declaration.foreign:
+            base = self.arena.ctypes.data
+            return lambda time: call.function.python(time, base, base + call.frame)
         return _interpreted(self.arena, self.table.calls[n], self._faults)
 
     def _build_control(self, functions: np.ndarray) -> None:
@@ -145,12 +156,34 @@ class Simulation:
             control[getattr(engine, name)] = offset
 
     def initialize(self) -> None:
-        """Calculated parameters, start values and outputs at time zero. Raises: BlockFailed."""
+        """Calculated parameters, start values and outputs at time zero; instances of foreign blocks.
+
+        Raises: BlockFailed, FmuError.
+        """
+        self._open()
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.initial
         status = self._execute(0.0, self.arena.ctypes.data, self.control.ctypes.data)
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.point
         self.control[engine.BETWEEN_BEGIN], self.control[engine.BETWEEN_END] = self.table.between
         self._raise(status)
+        for instances in self._foreign.values():
+            instances.begin()
+
+    def _open(self) -> None:
+        """Make the instances of foreign blocks, which compute those locals only that somebody looks at."""
+        network = self.table.network
+        looked_at = {s for group in self.probes for s in group.signals}
+        looked_at |= {s for slave in network.slaves.values() for wires in slave.wires.values() for s in wires}
+        looked_at |= {network.find(str(m.signal.value), None) for m in network.diagram.metrics.values()}
+        for name, slave in network.slaves.items():
+            if slave.declaration.foreign:
+                calls = [call for call in self.table.calls if call.slave == name]
+                wanted = {s.variable for s in looked_at if s.slave == name}
+                self._foreign[name] = slave.declaration.foreign.open(slave, calls, self.arena, self.step, wanted)
+
+    def close(self) -> None:
+        """End all instances of foreign blocks; signals can still be read."""
+        _close(self._foreign)
 
     @property
     def done(self) -> int:
@@ -216,6 +249,8 @@ class Simulation:
         """Tell what went wrong in a call: a compiled kernel's exception is found by interpreting the call again."""
         call_index = int(self.table.operations[operation, engine.A])
         call = self.table.calls[call_index]
+        if call.slave in self._foreign:
+            raise self._foreign[call.slave].failure(self.time)
         if not self._faults:
             self._python(call_index)(self.time)
         cause = self._faults[-1] if self._faults else None
@@ -227,6 +262,12 @@ class Simulation:
     def value(self, signal: Signal) -> np.ndarray:
         """A signal now, as a copy (instances…, *shape)."""
         return self.table.signal(signal, self.arena).copy()
+
+
+def _close(instances: dict[str, Any]) -> None:
+    """End all instances of foreign blocks."""
+    while instances:
+        instances.popitem()[1].close()
 
 
 def _forget(handles: list[int]) -> None:

@@ -145,7 +145,7 @@ def failed(kernel: int, time: float, base: int, link: Any, plan: Any, f: Any, r:
         return get_outputs(base, link, plan, f, r, k)
     if kernel == ADVANCE:
         return do_step(time, base, link, plan, f, r, info, k)
-    if kernel == EVALUATE or kernel == DIFFERENTIATE:
+    if kernel in (EVALUATE, DIFFERENTIATE):
         if prepare(time, base, link, plan, f, r, info, k):
             return True
         if kernel == EVALUATE:
@@ -223,7 +223,7 @@ def get_value(link: Any, row: Any, address: int, handle: int, at: int) -> bool:
     """Get one variable into the arena; what is not finite fails."""
     n = row[N_VALUES]
     code = row[CODE]
-    staged = code == INTEGER32 or code == BOOLEAN32
+    staged = code in (INTEGER32, BOOLEAN32)
     if transfer(link, row, handle, row[STAGING] if staged else at):
         link[ROW] = address
         return True

@@ -1,0 +1,301 @@
+"""From a model description to a declaration: an FMU as a block type whose functions are the adapter's kernels.
+
+What each kind of FMU is to the loop:
+
+================================  =====================================================================
+FMI 2 and plain Co-Simulation     outputs without feedthrough, and a `step`
+FMI 3 Co-Simulation, event mode   outputs with the feedthrough that ModelStructure states, and a `step`
+Model Exchange                    states, outputs with feedthrough, `derivatives`, and `events`
+================================  =====================================================================
+
+Outputs that depend on the same inputs are got together, by one function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cosim.block import Block, Declaration, Function, Input, Local, Output, Parameter, State, Variable, condition
+from cosim.entry import BlockEntry
+from cosim.errors import FmuError, Position, UnknownPort, nearest
+from cosim.fmu import adapter, archive
+from cosim.fmu.ports import Port
+from cosim.fmu.ports import ports as read_ports
+
+FMI2_DELAY = "FMI 2.0.5, section 4.2.4"
+MODES = ("co-simulation", "model-exchange")
+
+
+@dataclass
+class Fmu:
+    """An FMU as a diagram uses it. states: (port, element) of each continuous state, in the FMU's order."""
+
+    path: Path
+    folder: Path
+    description: Any
+    mode: str
+    ports: dict[str, Port]
+    isolated: bool = False
+    states: list[tuple[str, int]] = field(default_factory=list)
+    inputs_of: dict[str, frozenset[str] | None] = field(default_factory=dict)  # None: not stated
+    initial_inputs_of: dict[str, frozenset[str] | None] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self.path.name
+
+    @property
+    def version(self) -> int:
+        """FMI's major version."""
+        return self.description.fmiMajorVersion
+
+    @property
+    def interface(self) -> Any:
+        """What the description says of the kind that is used."""
+        return self.description.coSimulation if self.mode == MODES[0] else self.description.modelExchange
+
+    @property
+    def kind(self) -> int:
+        """The adapter's name for the kind."""
+        if self.mode == MODES[1]:
+            return adapter.MODEL_EXCHANGE
+        eventful = self.version == 3 and self.interface.hasEventMode
+        return adapter.EVENT_CO_SIMULATION if eventful else adapter.CO_SIMULATION
+
+    kernels = tuple(getattr(adapter, name) for name in adapter.KERNELS)
+    frame_words = adapter.FIRST - adapter.LINK
+
+    def open(self, *arguments: Any, **more: Any) -> Any:
+        """Instances for one run; see `cosim.fmu.instance.Instances`."""
+        from cosim.fmu.instance import Instances
+
+        return Instances(self, *arguments, **more)
+
+
+def read_description(path: Path, position: Position | None = None) -> tuple[Path, Any]:
+    """Unpack an FMU and read its description. Raises: MissingFile, ArchiveError, FmuError."""
+    from lxml import etree
+
+    folder = archive.unpack(path, position)
+    version = etree.parse(str(folder / archive.DESCRIPTION)).getroot().get("fmiVersion", "none")
+    if version != "2.0" and not version.startswith("3."):
+        message = f"`{path.name}` is of FMI version {version}; FMI 2.0 and 3.0 can be run"
+        raise FmuError(message, position, "export the FMU for FMI 2.0 or 3.0")
+    from fmpy.model_description import ValidationError, read_model_description
+
+    try:
+        description = read_model_description(str(folder), validate=False)
+    except ValidationError as error:
+        raise FmuError(f"`{path.name}`: {'; '.join(error.problems)}", position, "export the FMU again") from None
+    except Exception as error:
+        message = f"`{path.name}`: its model description cannot be read: {type(error).__name__}: {error}"
+        raise FmuError(message, position, "export the FMU again") from None
+    return folder, description
+
+
+def block(entry: BlockEntry) -> type[Block]:
+    """The block type that a diagram's entry of kind `fmu` names.
+
+    Raises: MissingFile, ArchiveError, FmuError, UnknownPort.
+    """
+    folder, description = read_description(entry.path, entry.type.position)
+    mode = _mode(entry, description)
+    fmu = Fmu(entry.path, folder, description, mode, {}, bool(entry.isolate and entry.isolate.value))
+    archive.binary(folder, fmu.interface.modelIdentifier, fmu.version, fmu.name, entry.type.position)
+    try:
+        fmu.ports = _renamed(read_ports(description), entry)
+        _read_structure(fmu)
+        declaration = _declaration(fmu, entry)
+    except FmuError as error:
+        raise FmuError(f"`{fmu.name}`: {error.message}", entry.type.position, error.fix) from None
+    made = type(description.modelName, (Block,), {"__doc__": description.description})
+    made.declaration = declaration  # type: ignore[attr-defined]
+    return made
+
+
+def _mode(entry: BlockEntry, description: Any) -> str:
+    """The entry's own choice, else Co-Simulation where there is one. Raises: FmuError."""
+    kinds = dict(zip(MODES, (description.coSimulation, description.modelExchange), strict=True))
+    offered = [mode for mode, kind in kinds.items() if kind is not None]
+    if not offered:
+        message = f"`{entry.path.name}` is made for scheduled execution only, which cannot be run here"
+        raise FmuError(message, entry.type.position, "export it for co-simulation or model exchange")
+    mode = entry.mode.value if entry.mode else offered[0]
+    if mode not in offered:
+        assert entry.mode
+        message = f"`{entry.path.name}` is not made for {mode}"
+        raise FmuError(message, entry.mode.position, f"write mode: {offered[0]}")
+    return mode
+
+
+def _renamed(ports: dict[str, Port], entry: BlockEntry) -> dict[str, Port]:
+    """The ports under the names that `ports:` gives them. Raises: UnknownPort."""
+    names = {}
+    for ours, node in entry.ports.items():
+        if node.value not in ports:
+            message = f"block {entry.name}: `{entry.path.name}` has no variable `{node.value}`"
+            raise UnknownPort(message, node.position, nearest(node.value, ports))
+        names[node.value] = ours
+    return {names.get(name, name): port for name, port in ports.items()}
+
+
+# ---- structure ----
+
+
+def _read_structure(fmu: Fmu) -> None:
+    """Which inputs each output depends on, and where the states are. Raises: FmuError."""
+    description = fmu.description
+    owner = {id(m): (name, k) for name, port in fmu.ports.items() for k, m in enumerate(port.members)}
+    fmu.inputs_of = _dependencies(fmu, owner, description.outputs)
+    fmu.initial_inputs_of = _dependencies(fmu, owner, description.initialUnknowns)
+    if fmu.kind != adapter.MODEL_EXCHANGE:
+        return
+    for unknown in description.derivatives:
+        state = unknown.variable.derivative
+        if state is None or id(state) not in owner:
+            raise FmuError(f"nothing says which state `{unknown.variable.name}` is the derivative of")
+        name, element = owner[id(state)]
+        size = fmu.ports[name].size if fmu.version == 3 else 1
+        fmu.states += [(name, element + k) for k in range(size)]
+    for name in {name for name, _ in fmu.states}:
+        if sum(other == name for other, _ in fmu.states) != fmu.ports[name].size:
+            raise FmuError(f"only some elements of `{name}` are states")
+
+
+def _dependencies(fmu: Fmu, owner: dict[int, tuple[str, int]], unknowns: Any) -> dict[str, frozenset[str] | None]:
+    """For each port the input ports that it depends on; None where the description does not say."""
+    inputs = {name for name, port in fmu.ports.items() if port.causality == "input"}
+    found: dict[str, frozenset[str] | None] = {}
+    for unknown in unknowns:
+        if id(unknown.variable) not in owner:
+            continue
+        name = owner[id(unknown.variable)][0]
+        before = found.get(name, frozenset())
+        if unknown.dependencies is None or before is None:
+            found[name] = None
+        else:
+            known = {owner[id(d)][0] for d in unknown.dependencies if id(d) in owner}
+            found[name] = before | (known & inputs)
+    return found
+
+
+# ---- declaration ----
+
+
+def _declaration(fmu: Fmu, entry: BlockEntry) -> Declaration:
+    states = list(dict.fromkeys(name for name, _ in fmu.states))
+    variables = {name: _variable(name, port, name in states) for name, port in fmu.ports.items()}
+    for name in states:
+        clash = variables.get(f"d_{name}")
+        if isinstance(clash, Local):
+            del variables[clash.name]
+        elif clash is not None:
+            raise FmuError(
+                f"the name `{clash.name}` stands for the derivative of `{name}`", fix="rename it in `ports:`"
+            )
+    declaration = Declaration(
+        name=fmu.description.modelName,
+        doc=fmu.description.description or "",
+        variables=variables,
+        foreign=fmu,
+        most_instances=_most_instances(fmu),
+    )
+    declaration.functions = _functions(fmu, declaration, states)
+    declaration.rules = tuple(_rules(fmu, declaration, entry))
+    return declaration
+
+
+def _most_instances(fmu: Fmu) -> int | None:
+    return 1 if fmu.interface.canBeInstantiatedOnlyOncePerProcess and not fmu.isolated else None
+
+
+def _variable(name: str, port: Port, is_state: bool) -> Variable:
+    """A port as a variable of a block type; calculated parameters, constants and locals can be recorded."""
+    more: dict[str, Any] = {
+        "unit": port.unit(),
+        "description": port.first.description or "",
+        "dtype": port.dtype,
+    }
+    variable: Variable
+    if is_state:
+        variable = State(*port.shape, output=port.causality == "output", start=port.start(), **more)
+    elif port.causality == "parameter":
+        default = port.start()
+        variable = Parameter(*port.shape, default="" if default is None and port.is_string else default, **more)
+    elif port.causality == "input":
+        variable = Input(*port.shape, start=port.start(), **more)
+    else:
+        kind = Output if port.causality == "output" else Local
+        variable = kind(*port.shape, start=port.start() if port.can_start else None, **more)
+    variable.name = name
+    return variable
+
+
+def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[Function, ...]:
+    inputs = [v.name for v in declaration.of(Input)]
+    outputs = [v.name for v in declaration.of(Output)]
+    locals_ = [v.name for v in declaration.of(Local)]
+    feedthrough = fmu.kind != adapter.CO_SIMULATION
+    exchange = (adapter.get, adapter.exchange, adapter.evaluate)[fmu.kind]
+    reads = ("time", *states) if fmu.kind == adapter.MODEL_EXCHANGE else ()
+    functions = []
+    for k, (known, names) in enumerate(_grouped(outputs, fmu.inputs_of, inputs if feedthrough else [])):
+        functions.append(_function(f"outputs_{k}", "outputs", exchange, (*reads, *known), names))
+    if locals_:
+        known = inputs if feedthrough else []
+        functions.append(_function("outputs_locals", "outputs", exchange, (*reads, *known), locals_))
+    starting = {**fmu.inputs_of, **fmu.initial_inputs_of}
+    for k, (known, names) in enumerate(_grouped(outputs, starting, inputs if feedthrough else [])):
+        functions.append(_function(f"initial_{k}", "initial", adapter.initial, known, names))
+    calculated = [name for name in states if name in fmu.initial_inputs_of]
+    for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
+        functions.append(_function(f"start_{k}", "start", adapter.initial, known, names))
+    functions.append(_function("begin", "begin", adapter.begin, inputs, states))
+    if fmu.kind == adapter.MODEL_EXCHANGE:
+        functions.append(_function("events", "events", adapter.handle_events, (), states))
+        if states:
+            derivatives = [f"d_{name}" for name in states]
+            reads = (*reads, *inputs)
+            functions.append(_function("derivatives", "derivatives", adapter.differentiate, reads, derivatives))
+    else:
+        functions.append(_function("step", "step", adapter.advance, inputs, []))
+    return tuple(functions)
+
+
+def _function(name: str, kind: str, kernel: Callable[..., int], reads: Any, writes: Any) -> Function:
+    return Function(name, kind, kernel, (*reads, *writes), frozenset(writes))
+
+
+def _grouped(
+    names: list[str], inputs_of: dict[str, frozenset[str] | None], unstated: list[str]
+) -> list[tuple[list[str], list[str]]]:
+    """The names in groups that depend on the same inputs: (inputs, names) each."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in names:
+        known = inputs_of.get(name)
+        groups.setdefault(tuple(unstated if known is None else sorted(known)), []).append(name)
+    return [(list(known), group) for known, group in groups.items()]
+
+
+def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
+    """What a person should know before running it, as conditions that do not hold."""
+    if fmu.kind == adapter.CO_SIMULATION:
+        named = [v.name for v in declaration.of(Output)]
+        stated = [f"{n} on {', '.join(sorted(fmu.inputs_of[n] or ()))}" for n in named if fmu.inputs_of.get(n)]
+        unstated = [n for n in named if fmu.inputs_of.get(n) is None] if list(declaration.of(Input)) else []
+        numbers = [f"{'; '.join(stated)}: one step of delay"] if stated else []
+        numbers += [f"not stated for {', '.join(unstated)}: if they do, one step of delay"] if unstated else []
+        if numbers:
+            yield condition("outputs depend on no input at the same instant", FMI2_DELAY)(_fails("; ".join(numbers)))
+    held = [f"{v.name} = {v.start}" for v in declaration.of(Input) if v.name not in entry.inputs]
+    held = [text for text in held if text.partition(" ")[0] not in entry.start]
+    if held:
+        yield condition("every input is connected or has a start value", "FMU")(_fails(f"held: {', '.join(held)}"))
+
+
+def _fails(numbers: str) -> Callable[[], tuple[bool, str]]:
+    return lambda: (False, numbers)

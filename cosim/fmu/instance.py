@@ -1,0 +1,368 @@
+"""The instances of one FMU block in one run: loaded, set up, linked to the loop's frames, and freed.
+
+What happens once is called from here through ctypes; what happens at every step the loop does through
+`cosim.fmu.adapter`, whose tables are filled here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim.block import Parameter
+from cosim.errors import FmuError, SlaveFailed, TooManyInstances, WrongValue
+from cosim.fmu import adapter, archive, messages
+from cosim.fmu.ports import Port
+from cosim.memory import invoke, words_at
+
+REASONS = {
+    adapter.NOT_FINITE: "gave a value that is not finite",
+    adapter.TERMINATED: "asked for the end of the simulation",
+    adapter.NO_PROGRESS: "returned early from a step without any progress",
+    adapter.ENDLESS: f"needed more than {adapter.MOST_ITERATIONS} event iterations",
+    adapter.TOO_LARGE: "cannot take an integer of more than 32 bits",
+}
+# The words of the link that are addresses, and the functions' names in FMI 2 and FMI 3.
+_CALLED = {
+    adapter.EXIT_INITIALIZATION: ("ExitInitializationMode", "ExitInitializationMode"),
+    adapter.SET_TIME: ("SetTime", "SetTime"),
+    adapter.SET_STATES: ("SetContinuousStates", "SetContinuousStates"),
+    adapter.GET_STATES: ("GetContinuousStates", "GetContinuousStates"),
+    adapter.GET_DERIVATIVES: ("GetDerivatives", "GetContinuousStateDerivatives"),
+    adapter.GET_INDICATORS: ("GetEventIndicators", "GetEventIndicators"),
+    adapter.ENTER_EVENT_MODE: ("EnterEventMode", "EnterEventMode"),
+    adapter.UPDATE_DISCRETE_STATES: ("NewDiscreteStates", "UpdateDiscreteStates"),
+    adapter.DO_STEP: ("DoStep", "DoStep"),
+}
+_running: Counter[str] = Counter()
+_lock = threading.Lock()
+
+
+class _Callbacks2(ctypes.Structure):
+    """fmi2CallbackFunctions."""
+
+    _fields_ = [(n, ctypes.c_void_p) for n in ("logger", "allocate", "free", "step_finished", "environment")]
+
+
+class Library:
+    """The shared library of an FMU, and the addresses of its functions."""
+
+    def __init__(self, fmu: Any) -> None:
+        """Raises: FmuError."""
+        self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
+        self.prefix = f"fmi{fmu.version}"
+        self.names: dict[int, str] = {}
+        try:
+            if sys.platform == "win32":
+                with os.add_dll_directory(str(self.path.parent)):
+                    self._handle = ctypes.CDLL(str(self.path))
+            else:
+                self._handle = ctypes.CDLL(str(self.path))
+        except OSError as error:
+            raise FmuError(f"`{fmu.name}`: its binary cannot be loaded: {error}") from None
+
+    def address(self, name: str) -> int:
+        """The address of a function, without FMI's prefix. Raises: FmuError."""
+        try:
+            function = getattr(self._handle, self.prefix + name)
+        except AttributeError:
+            raise FmuError(
+                f"`{self.path.name}` has no function {self.prefix}{name}", fix="export the FMU again"
+            ) from None
+        address = ctypes.cast(function, ctypes.c_void_p).value or 0
+        self.names[address] = self.prefix + name
+        return address
+
+
+class Instances:
+    """All instances of an FMU block in one run, in Initialization Mode once this is made.
+
+    fmu: a `cosim.fmu.importer.Fmu`. slave, calls: its block in the network and its rows in the table. arena: of this
+    run. wanted: the locals that somebody looks at. step: communication step (s).
+    Raises: FmuError, TooManyInstances, SlaveFailed, WrongValue.
+    """
+
+    def __init__(self, fmu: Any, slave: Any, calls: Sequence[Any], arena: np.ndarray, step: float, wanted: set[str]):
+        self.fmu = fmu
+        self.slave = slave
+        self.library = Library(fmu)
+        self.messages = [messages.Messages() for _ in range(slave.count)]
+        self.handles: list[int] = []
+        self.lost: dict[int, int] = {}  # instances that failed, with their status
+        self._began = False
+        self._keep: list[Any] = []
+        self._rows: dict[int, str] = {}
+        self._claim()
+        try:
+            for k in range(slave.count):
+                self._instantiate(k)
+            for k in range(slave.count):
+                self._set_up(k)
+            self._link(step)
+            for call in calls:
+                words_at(arena.ctypes.data + call.frame, adapter.FIRST)[adapter.LINK :] = (
+                    self.link.ctypes.data,
+                    self._plan(call, wanted),
+                )
+        except BaseException:
+            self.close()
+            raise
+
+    # ---- setting up ----
+
+    def _claim(self) -> None:
+        """Count what runs in this process, where an FMU cares."""
+        self._claimed = 0
+        path = str(self.library.path)
+        with _lock:
+            if self.fmu.interface.canBeInstantiatedOnlyOncePerProcess and _running[path]:
+                message = f"block {self.slave.name}: `{self.fmu.name}` can have one instance in a process, and has one"
+                raise TooManyInstances(message, self.slave.entry.type.position, "write `isolate: true`")
+            self._claimed = self.slave.count
+            _running[path] += self._claimed
+
+    def _instantiate(self, k: int) -> None:
+        fmu, interface = self.fmu, self.fmu.interface
+        name = f"{self.slave.name}_{k + 1}" if self.slave.fleet else self.slave.name
+        resources = fmu.folder / "resources"
+        resources.mkdir(exist_ok=True)
+        logging, categories = _categories(fmu.description)
+        token = (fmu.description.guid or "").encode()
+        environment, log = self.messages[k].environment, messages.logger(fmu.version)
+        pointer, text, flag = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_bool
+        if fmu.version == 2:
+            library = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
+            calloc, free = (ctypes.cast(f, pointer).value for f in (library.calloc, library.free))
+            callbacks = _Callbacks2(log, calloc, free, None, environment)
+            self._keep.append(callbacks)
+            kind = int(fmu.kind != adapter.MODEL_EXCHANGE)
+            make = ctypes.CFUNCTYPE(pointer, text, ctypes.c_int, text, text, pointer, ctypes.c_int, ctypes.c_int)
+            function = make(self.library.address("Instantiate"))
+            where = resources.resolve().as_uri().encode()
+            handle = function(name.encode(), kind, token, where, ctypes.addressof(callbacks), 0, logging)
+        else:
+            where = (str(resources.resolve()) + os.sep).encode()
+            first = (name.encode(), token, where, False, bool(logging))
+            if fmu.kind == adapter.MODEL_EXCHANGE:
+                make = ctypes.CFUNCTYPE(pointer, text, text, text, flag, flag, pointer, pointer)
+                handle = make(self.library.address("InstantiateModelExchange"))(*first, environment, log)
+            else:
+                size = ctypes.c_size_t
+                kinds = (text, text, text, flag, flag, flag, flag, pointer, size, pointer, pointer, pointer)
+                make = ctypes.CFUNCTYPE(pointer, *kinds)
+                eventful = fmu.kind == adapter.EVENT_CO_SIMULATION
+                early = eventful and bool(interface.mightReturnEarlyFromDoStep)
+                function = make(self.library.address("InstantiateCoSimulation"))
+                handle = function(*first, eventful, early, None, 0, environment, log, None)
+        if not handle:
+            raise self._failure(f"{self.library.prefix}Instantiate() gave no instance", k, 0.0)
+        self.handles.append(handle)
+        if categories:
+            names = (ctypes.c_char_p * len(categories))(*[c.encode() for c in categories])
+            self._do(k, "SetDebugLogging", 1, len(categories), ctypes.addressof(names))
+
+    def _set_up(self, k: int) -> None:
+        """Parameters and start values, then Initialization Mode."""
+        if self.fmu.version == 2:
+            self._do(k, "SetupExperiment", 0, 0.0, 0.0, 0, 0.0)
+        for name, port in self.fmu.ports.items():
+            if name in self.slave.values and self._is_given(name, port):
+                values = self.slave.values[name]
+                self._set(k, name, port, values[k if len(values) > 1 else 0])
+        if self.fmu.version == 2:
+            self._do(k, "EnterInitializationMode")
+        else:
+            self._do(k, "EnterInitializationMode", 0, 0.0, 0.0, 0, 0.0)
+
+    def _is_given(self, name: str, port: Port) -> bool:
+        """Whether a value has to be set, because it is not the FMU's own. Raises: WrongValue."""
+        if port.causality == "input":
+            return False  # set with the other inputs
+        variable = self.slave.declaration.variables[name]
+        if isinstance(variable, Parameter):
+            own = port.start()
+            return name in self.slave.given or own is None or bool(np.any(self.slave.values[name] != np.array(own)))
+        if name in self.slave.given and not port.can_start:
+            message = f"block {self.slave.name}: `{self.fmu.name}` calculates `{name}`, which has no start value"
+            raise WrongValue(message, self.slave.entry.start[name].position, "remove this start value")
+        return name in self.slave.given
+
+    def _set(self, k: int, name: str, port: Port, value: np.ndarray) -> None:
+        references = np.array(port.references, np.uint32)
+        if port.is_string:
+            data: Any = (ctypes.c_char_p * 1)(str(value).encode())
+            address = ctypes.addressof(data)
+        else:
+            narrow = port.code in (adapter.INTEGER32, adapter.BOOLEAN32)
+            data = np.ascontiguousarray(value, np.int32 if narrow else port.dtype)
+            address = data.ctypes.data
+        size = (port.size,) if self.fmu.version == 3 else ()
+        self._do(k, f"Set{port.accessor}", references.ctypes.data, len(references), address, *size, about=name)
+
+    def _do(self, k: int, name: str, *arguments: int | float, about: str = "") -> None:
+        """Call a function of instance k. Raises: SlaveFailed."""
+        status = invoke(self.library.address(name), (self.handles[k], *arguments))
+        if status > adapter.WARNING:
+            self.lost[k] = status
+            on = f" for `{about}`" if about else ""
+            raise self._failure(f"{self.library.prefix}{name}(){on} returned {_status(status)}", k, 0.0)
+
+    # ---- linking ----
+
+    def _array(self, *shape: int) -> np.ndarray:
+        """Zeroed words that live as long as the instances."""
+        self._keep.append(np.zeros(shape, np.int64))
+        return self._keep[-1]
+
+    def _link(self, step: float) -> None:
+        """Fill what all calls share, and a record for each instance."""
+        fmu, count = self.fmu, self.slave.count
+        indicators = fmu.description.numberOfEventIndicators if fmu.kind == adapter.MODEL_EXCHANGE else 0
+        old, states = self._array(count, max(1, indicators)), max(1, len(fmu.states))
+        records = self._array(count, adapter.RECORD_WORDS)
+        records[:, adapter.HANDLE] = np.array(self.handles, np.uint64).view(np.int64)
+        records[:, adapter.INDICATOR_VALUES] = [row.ctypes.data for row in old]
+        link = self.link = self._array(adapter.LINK_WORDS)
+        link[adapter.VERSION], link[adapter.KIND] = fmu.version, fmu.kind
+        link[adapter.RECORDS] = records.ctypes.data
+        link[adapter.STATES], link[adapter.INDICATORS] = len(fmu.states), indicators
+        link[adapter.BUFFER] = self._array(states).ctypes.data
+        link[adapter.SIGNS] = self._array(max(1, indicators)).ctypes.data
+        link.view(np.float64)[adapter.STEP] = step
+        for word, names in _CALLED.items():
+            if word in _needed(fmu):
+                link[word] = self.library.address(names[fmu.version - 2])
+        if fmu.kind == adapter.MODEL_EXCHANGE:
+            link[adapter.LEAVE_EVENT_MODE] = self.library.address("EnterContinuousTimeMode")
+            if fmu.interface.needsCompletedIntegratorStep:
+                link[adapter.COMPLETED_STEP] = self.library.address("CompletedIntegratorStep")
+        elif fmu.kind == adapter.EVENT_CO_SIMULATION:
+            link[adapter.LEAVE_EVENT_MODE] = self.library.address("EnterStepMode")
+
+    def _plan(self, call: Any, wanted: set[str]) -> int:
+        """The address of the table of what a call exchanges."""
+        function = call.function
+        slots, slot = {}, adapter.FIRST
+        for name in function.arguments:
+            if name != "time":
+                slots[name] = slot
+                slot += 2
+        inputs = [n for n in function.reads if n in self.fmu.ports and self.fmu.ports[n].causality == "input"]
+        states = {name for name, _ in self.fmu.states}
+        outputs = [n for n in function.arguments if n in function.writes and n in self.fmu.ports]
+        if function.kind in ("begin", "events"):
+            outputs = []
+        if function.name == "outputs_locals":
+            outputs = [n for n in outputs if n in wanted]
+        plan = self._array(adapter.PLAN_WORDS)
+        plan[adapter.FRAME_WORDS] = slot
+        plan[adapter.N_INPUTS], plan[adapter.N_OUTPUTS] = len(inputs), len(outputs)
+        plan[adapter.INPUTS] = self._row_table(inputs, slots, "Set")
+        plan[adapter.OUTPUTS] = self._row_table(outputs, slots, "Get")
+        if states and states <= slots.keys():
+            plan[adapter.STATE_MAP] = self._map(slots, "")
+        if function.kind == "derivatives":
+            plan[adapter.DERIVATIVE_MAP] = self._map(slots, "d_")
+        every = {n for f in self.slave.declaration.kind("outputs") for n in f.reads if n in self.fmu.ports}
+        plan[adapter.SETTLES] = function.kind == "outputs" and every <= {*inputs, *states}
+        return plan.ctypes.data
+
+    def _map(self, slots: dict[str, int], prefix: str) -> int:
+        places = self._array(len(self.fmu.states), 2)
+        places[:] = [(slots[prefix + name], element) for name, element in self.fmu.states]
+        return places.ctypes.data
+
+    def _row_table(self, names: list[str], slots: dict[str, int], access: str) -> int:
+        rows = self._array(max(1, len(names)), adapter.ROW_WORDS)
+        for name, row in zip(names, rows, strict=False):
+            port = self.fmu.ports[name]
+            references = np.array(port.references, np.uint32)
+            self._keep.append(references)
+            row[adapter.FUNCTION] = self.library.address(access + port.accessor)
+            row[adapter.REFERENCES], row[adapter.N_REFERENCES] = references.ctypes.data, len(references)
+            row[adapter.N_VALUES], row[adapter.SLOT], row[adapter.CODE] = port.size, slots[name], port.code
+            row[adapter.BYTES] = port.size * port.dtype.itemsize
+            row[adapter.STAGING] = self._array(port.size).ctypes.data
+            if access == "Set" and port.is_discrete and self.fmu.kind == adapter.MODEL_EXCHANGE:
+                row[adapter.SHADOW] = self._shadow(name, port)
+            self._rows[row.ctypes.data] = name
+        return rows.ctypes.data
+
+    def _shadow(self, name: str, port: Port) -> int:
+        """Where the value of a discrete input is kept that the FMU has now; one for all calls."""
+        shadows: dict[str, np.ndarray] = self.__dict__.setdefault("_shadows", {})
+        if name not in shadows:
+            shadows[name] = self._array(-(-self.slave.count * port.size * port.dtype.itemsize // 8))
+        return shadows[name].ctypes.data
+
+    # ---- failing and closing ----
+
+    def failure(self, time: float) -> SlaveFailed:
+        """What stopped the loop in one of the calls, as of the link."""
+        k, status, failed = (int(self.link[w]) for w in (adapter.INSTANCE, adapter.STATUS, adapter.FAILED))
+        name = self._rows.get(int(self.link[adapter.ROW]), "")
+        if failed in REASONS:
+            return self._failure(f"it {REASONS[failed]}" + (f": `{name}`" if name else ""), k, time)
+        self.lost[k] = status
+        on = f" for `{name}`" if name else ""
+        function = self.library.names.get(failed, "a function")
+        return self._failure(f"{function}(){on} returned {_status(status)}{self._last_time(k, function)}", k, time)
+
+    def _last_time(self, k: int, function: str) -> str:
+        """How far an FMI 2 step got that was discarded."""
+        if function != "fmi2DoStep" or self.lost[k] != adapter.DISCARD:
+            return ""
+        last = ctypes.c_double()
+        status = invoke(self.library.address("GetRealStatus"), (self.handles[k], 2, ctypes.addressof(last)))
+        return f", it got as far as t = {last.value:g} s" if status == adapter.OK else ""
+
+    def _failure(self, text: str, k: int, time: float) -> SlaveFailed:
+        member = f", {self.slave.fleet} {k + 1}" if self.slave.fleet else ""
+        message = f"block {self.slave.name} ({self.fmu.name}{member}) failed at t = {time:g} s: {text}"
+        said = self.messages[k].last()
+        message += "".join(f"\n    it says {line}" for line in said)
+        return SlaveFailed(message, self.slave.entry.type.position)
+
+    def begin(self) -> None:
+        """Take note that Initialization Mode is over."""
+        self._began = True
+
+    def close(self) -> None:
+        """Terminate and free all instances, as far as their state allows."""
+        handles, self.handles = self.handles, []
+        with _lock:
+            _running[str(self.library.path)] -= self._claimed
+            self._claimed = 0
+        if adapter.FATAL in self.lost.values():
+            return  # nothing may be called any more
+        for k, handle in enumerate(handles):
+            if self._began and self.lost.get(k, adapter.OK) <= adapter.DISCARD:
+                invoke(self.library.address("Terminate"), (handle,))
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.library.address("FreeInstance"))(handle)
+
+
+def _needed(fmu: Any) -> set[int]:
+    """The functions that the adapter calls for a kind of FMU."""
+    if fmu.kind == adapter.CO_SIMULATION:
+        return {adapter.EXIT_INITIALIZATION, adapter.DO_STEP}
+    events = {adapter.EXIT_INITIALIZATION, adapter.ENTER_EVENT_MODE, adapter.UPDATE_DISCRETE_STATES}
+    return events | {adapter.DO_STEP} if fmu.kind == adapter.EVENT_CO_SIMULATION else set(_CALLED) - {adapter.DO_STEP}
+
+
+def _status(status: int) -> str:
+    names = messages.STATUS
+    return f"`{names[status]}`" if 0 <= status < len(names) else f"the unknown status {status}"
+
+
+def _categories(description: Any) -> tuple[int, list[str]]:
+    """Whether to switch logging on, and for which categories: those of what goes wrong, where there are any."""
+    names = [c.name for c in description.logCategories if c.name]
+    telling = [n for n in names if any(w in n.lower() for w in ("error", "fatal", "warning", "discard"))]
+    return int(bool(telling) or not names), telling

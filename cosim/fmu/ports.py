@@ -1,0 +1,179 @@
+"""The variables of a model description as ports: FMI 2's scalars `x[1]`, `x[2,3]` gathered into arrays, FMI 3's as
+they are, each with the type that the framework sees and the way its values travel.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from cosim import units
+from cosim.errors import CosimError, FmuError
+from cosim.fmu import adapter
+
+#: FMI type -> (our data type, how values travel, the word in the names of getter and setter)
+FMI2_TYPES: dict[str, tuple[Any, int, str]] = {
+    "Real": (np.float64, adapter.FLOAT64, "Real"),
+    "Integer": (np.int64, adapter.INTEGER32, "Integer"),
+    "Enumeration": (np.int64, adapter.INTEGER32, "Integer"),
+    "Boolean": (np.bool_, adapter.BOOLEAN32, "Boolean"),
+    "String": (object, adapter.PLAIN, "String"),
+}
+FMI3_TYPES: dict[str, tuple[Any, int, str]] = {
+    "Float64": (np.float64, adapter.FLOAT64, "Float64"),
+    "Float32": (np.float32, adapter.FLOAT32, "Float32"),
+    **{
+        f"{u}{b}": (f"{u}{b}".lower(), adapter.PLAIN, f"{u}{b}")
+        for u in ("Int", "UInt")
+        for b in ("8", "16", "32", "64")
+    },
+    "Enumeration": (np.int64, adapter.PLAIN, "Int64"),
+    "Boolean": (np.bool_, adapter.PLAIN, "Boolean"),
+    "String": (object, adapter.PLAIN, "String"),
+}
+MOST_ELEMENTS = 10_000_000
+_ELEMENT = re.compile(r"(.+)\[\s*(\d+(?:\s*,\s*\d+)*)\s*\]")
+
+
+@dataclass(frozen=True)
+class Port:
+    """One variable as we see it. members: the FMU's variables behind it, in row-major order (one for FMI 3)."""
+
+    name: str
+    members: tuple[Any, ...]
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    code: int
+    accessor: str
+
+    @property
+    def first(self) -> Any:
+        """The first of the FMU's variables; all agree in type, causality and variability."""
+        return self.members[0]
+
+    @property
+    def causality(self) -> str:
+        """FMI's."""
+        return self.first.causality
+
+    @property
+    def is_string(self) -> bool:
+        """Whether it is text, which parameters only can be."""
+        return self.dtype == object
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether it may change at events only."""
+        return self.first.variability == "discrete"
+
+    @property
+    def can_start(self) -> bool:
+        """Whether its start value may be set."""
+        return self.first.initial in ("exact", "approx") and self.first.variability != "constant"
+
+    @property
+    def references(self) -> list[int]:
+        """The value references."""
+        return [member.valueReference for member in self.members]
+
+    @property
+    def size(self) -> int:
+        """The number of values."""
+        return prod(self.shape)
+
+    def start(self) -> Any:
+        """The start value that the description gives, as nested lists; None without one."""
+        texts = [member.start for member in self.members]
+        if any(text is None for text in texts):
+            return None
+        if self.is_string:
+            return texts[0]
+        values = [self._number(word) for text in texts for word in text.split()]
+        if len(values) == 1:
+            return values[0]
+        return np.array(values, self.dtype).reshape(self.shape).tolist() if len(values) == self.size else None
+
+    def _number(self, text: str) -> Any:
+        if self.dtype == np.bool_:
+            return text in ("true", "1")
+        return float(text) if self.dtype.kind == "f" else int(text)
+
+    def unit(self) -> units.Unit:
+        """Its unit, or units along the first axis; None without one, or where it is no unit that we can read."""
+        names = [_unit(member) for member in self.members]
+        if all(name == names[0] for name in names):
+            return names[0]
+        return tuple(str(name or "1") for name in names) if len(self.shape) == 1 else None
+
+
+def _unit(member: Any) -> str | None:
+    declared = member.declaredType.unit if member.declaredType is not None else None
+    name = member.unit or declared
+    try:
+        return name if name is not None and units.base(name) else None
+    except CosimError:
+        return None
+
+
+def ports(description: Any) -> dict[str, Port]:
+    """The ports of a model description by name. Raises: FmuError where sizes make no sense."""
+    version3 = description.fmiMajorVersion == 3
+    types = FMI3_TYPES if version3 else FMI2_TYPES
+    usable = [v for v in description.modelVariables if _is_usable(v, types)]
+    groups = {v.name: ((v,), tuple(v.shape or ())) for v in usable} if version3 else _gathered(usable)
+    found = {}
+    for name, (members, shape) in groups.items():
+        dtype, code, accessor = types[members[0].type]
+        if prod(shape) > MOST_ELEMENTS or any(size < 1 for size in shape):
+            raise FmuError(f"its variable `{name}` has the size {shape}", fix="export the FMU again")
+        if np.dtype(dtype) == object and shape:
+            continue
+        found[name] = Port(name, members, shape, np.dtype(dtype), code, accessor)
+    return found
+
+
+def _is_usable(variable: Any, types: dict[str, Any]) -> bool:
+    """Whether a variable can be a port: no clocks, no binary data, no aliases, no structural parameters."""
+    if variable.type not in types or variable.alias is not None or variable.clocks:
+        return False
+    if variable.causality in ("independent", "structuralParameter"):
+        return False
+    return variable.type != "String" or (variable.causality == "parameter" and not variable.shape)
+
+
+def _gathered(variables: list[Any]) -> dict[str, tuple[tuple[Any, ...], tuple[int, ...]]]:
+    """Scalars by name, elements `x[…]` of a complete array of one kind by the array's name, in row-major order."""
+    taken = {v.name for v in variables}
+    arrays: dict[str, dict[tuple[int, ...], Any]] = {}
+    for variable in variables:
+        if place := _place(variable.name):
+            arrays.setdefault(place[0], {})[place[1]] = variable
+    shapes = {name: _shape(elements) for name, elements in arrays.items() if name not in taken}
+    groups: dict[str, tuple[tuple[Any, ...], tuple[int, ...]]] = {}
+    for variable in variables:
+        place = _place(variable.name)
+        shape = shapes.get(place[0], ()) if place else ()
+        if place and shape:
+            groups.setdefault(place[0], (tuple(v for _, v in sorted(arrays[place[0]].items())), shape))
+        else:
+            groups[variable.name] = ((variable,), ())
+    return groups
+
+
+def _place(name: str) -> tuple[str, tuple[int, ...]] | None:
+    match = _ELEMENT.fullmatch(name)
+    return (match[1], tuple(int(i) for i in match[2].split(","))) if match else None
+
+
+def _shape(elements: dict[tuple[int, ...], Any]) -> tuple[int, ...]:
+    """The shape, if the indices fill a box that begins at 0 or 1 with variables of one kind; else ()."""
+    kinds = {(v.type, v.causality, v.variability, v.initial) for v in elements.values()}
+    if len(kinds) != 1 or len({len(index) for index in elements}) != 1:
+        return ()
+    low, high = [tuple(f(axis) for axis in zip(*elements, strict=True)) for f in (min, max)]
+    shape = tuple(b - a + 1 for a, b in zip(low, high, strict=True))
+    return shape if set(low) in ({0}, {1}) and len(elements) == prod(shape) else ()
