@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cosim import diagram as diagrams
+from cosim import interruption, results, simulation, table, wiring
 from cosim import metrics as reductions
-from cosim import results, simulation, table, wiring
 from cosim.block import Local, Output
 from cosim.diagram import Diagram
 from cosim.errors import CosimError, Diverged, MetricError, Problems
@@ -142,17 +142,19 @@ class Run:
         began = flushed = clock.perf_counter()
         writing = 0.0
         try:
-            self.simulation.initialize()
-            for stepwise, recorded in self.simulation.batches():
-                resumed = clock.perf_counter()
-                self._reduce(stepwise)
-                if writer:
-                    self._append(writer, recorded)
-                    if clock.perf_counter() - flushed > FLUSH_SECONDS:
-                        writer.flush()
-                        flushed = clock.perf_counter()
-                watch(self.simulation.time)
-                writing += clock.perf_counter() - resumed
+            with interruption.deferred() as interrupted:
+                self.simulation.initialize()
+                for stepwise, recorded in self.simulation.batches():
+                    resumed = clock.perf_counter()
+                    self._reduce(stepwise)
+                    if writer:
+                        self._append(writer, recorded)
+                        if resumed - flushed > FLUSH_SECONDS:
+                            writer.flush()
+                            flushed = resumed
+                    watch(self.simulation.time)
+                    writing += clock.perf_counter() - resumed
+                    interrupted.raise_if_wanted()
         finally:
             self.seconds["solve"] = clock.perf_counter() - began - writing
 

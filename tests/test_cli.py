@@ -1,0 +1,194 @@
+"""The command line as a user meets it."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from cosim import cli, results
+
+KEYS = {"diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"}
+SMALL = """
+title: small
+run: {stop: 1, step: 0.01}
+fleets: {robot: 2}
+blocks:
+  source: {type: Sine, per: robot}
+  lag: {type: Lag, per: robot, inputs: {u: source.y}}
+  second: {type: Lag, per: robot, inputs: {u: lag.y}}
+record: {period: 0.1, signals: [lag.x]}
+metrics:
+  largest: {signal: lag.x, reduce: max}
+"""
+
+
+@pytest.fixture
+def cosim(tmp_path, monkeypatch, capsys):
+    """Run the command line in an empty folder: (exit code, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        code = cli.main([str(a) for a in arguments])
+        return code, *capsys.readouterr()
+
+    return call
+
+
+def test_json_is_one_object_and_nothing_else(cosim, write):
+    code, out, _ = cosim("run", write(SMALL), "--json")
+    answer = json.loads(out)
+    assert code == 0 and set(answer) == KEYS and out.count("\n") == 1
+    assert (answer["status"], answer["steps"], answer["method"], answer["engine"]) == (
+        "completed",
+        100,
+        "jacobi",
+        "native",
+    )
+    assert set(answer["seconds"]) == {"setup", "compile", "solve"}
+    assert answer["metrics"]["largest"] == pytest.approx(2 * 2 * np.sin(1) / 2, abs=1.5)
+    assert answer["results"] == os.path.join("results", "diagram.nc")
+
+
+def test_the_table_says_what_changed_since_the_run_before(cosim, write):
+    path = write(SMALL)
+    first = cosim("run", path)[1]
+    assert "largest" in first and "previous" not in first
+    assert "same" in cosim("run", path)[1]
+    changed = cosim("run", path, "--set", "blocks.lag.parameters.T=0.1")[1]
+    assert "previous" in changed and "%" in changed
+
+
+def test_nothing_known_is_compiled_twice(cosim, write):
+    path = write(SMALL)
+    cosim("run", path, "--json")
+    for options in (
+        (),
+        ("--set", "blocks.lag.parameters.T=[0.1, 0.2]"),
+        ("--set", "fleets.robot=40"),
+        ("--method", "joint"),
+        ("--set", "blocks.second.inputs.u=source.y"),
+        ("--step", "0.001", "--stop", "0.5"),
+    ):
+        answer = json.loads(cosim("run", path, "--json", *options)[1])
+        assert (answer["status"], answer["kernels_compiled"]) == ("completed", 0), options
+
+
+def test_a_swap_keeps_what_the_new_block_declares(cosim, write):
+    text = SMALL.replace("inputs: {u: source.y}", "parameters: {T: 2}, inputs: {u: source.y}")
+    path = write(text.replace("u: lag.y", "u: lag.x"))
+    blocks = path.read_text().split("python: ")[1].split(":Sine")[0]
+    code, out, err = cosim("run", path, "--json", "--swap", f"lag={blocks}:Integrator")
+    assert code == 0 and err == ""
+    assert json.loads(out)["metrics"]["largest"] == pytest.approx(4 * (1 - np.cos(1)), rel=0.02)
+
+
+def test_settings_reach_every_part(cosim, write):
+    answer = json.loads(cosim("run", write(SMALL), "--json", "--stop", "2", "--step", "0.02", "--method", "joint")[1])
+    assert (answer["steps"], answer["method"]) == (100, "joint")
+
+
+def test_csv_holds_what_was_recorded(cosim, write, tmp_path):
+    code, _, _ = cosim("run", write(SMALL), "--csv", "out.csv", "-o", "out.nc")
+    rows = list(csv.reader((tmp_path / "out.csv").open()))
+    assert code == 0 and len(rows) == 12 and rows[0][:2] == ["time", "lag.x[1,1]"]
+    with results.open_result(tmp_path / "out.nc") as result:
+        assert float(rows[-1][4]) == result["lag.x"][-1, 1, 1]
+
+
+def test_a_diverged_run_keeps_what_was_recorded(cosim, write, tmp_path):
+    text = "run: {stop: 3, step: 0.01}\nblocks:\n  bang: {type: Explosive}\nrecord: {period: 0.01, signals: [bang.x]}\n"
+    code, out, err = cosim("run", write(text), "--json", "-o", "bang.nc")
+    answer = json.loads(out)
+    assert code == 1 and answer["status"] == "diverged" and 100 < answer["steps"] < 300
+    assert "block bang: state `x` is not finite at t = 1." in err and "Traceback" not in err
+    with results.open_result(tmp_path / "bang.nc") as result:
+        assert result.attrs["status"] == "diverged" and len(result.times) == answer["steps"]
+        assert np.isfinite(result["bang.x"]).all() and result["bang.x"][-1] > 1e3
+
+
+def test_a_failing_block_ends_in_exit_code_1(cosim, write):
+    text = """
+    run: {stop: 3, step: 0.01}
+    blocks:
+      source: {type: Sine, parameters: {A: 1}}
+      picky: {type: Picky, inputs: {u: source.y}}
+    """
+    for engine in ("native", "python"):
+        code, out, err = cosim("run", write(text), "--json", "--engine", engine)
+        assert code == 1 and json.loads(out)["status"] == "failed"
+        assert "block picky: outputs() failed at t = 0.26 s: ValueError: input too large" in err
+
+
+def test_interruption_keeps_what_was_recorded(write, tmp_path):
+    path = write(SMALL.replace("stop: 1, step: 0.01", "stop: 1000000, step: 0.01"))
+    command = [sys.executable, "-m", "cosim.cli", "run", str(path), "--json", "-o", str(tmp_path / "long.nc")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 60
+        while not (tmp_path / "long.nc").exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    answer = json.loads(out)
+    assert process.returncode == 130 and answer["status"] == "interrupted" and "Traceback" not in err
+    with results.open_result(tmp_path / "long.nc") as result:
+        assert result.attrs["status"] == "interrupted" and answer["steps"] > 100
+        assert len(result.times) == (answer["steps"] + 9) // 10
+
+
+def test_bad_input_is_exit_code_2_also_as_json(cosim, write):
+    code, out, err = cosim("run", write(SMALL.replace("source.y", "source.z")), "--json")
+    assert code == 2 and json.loads(out)["status"] == "failed" and "has no output `z`" in err
+
+
+def test_an_unwritable_result_is_named(cosim, write, tmp_path):
+    (tmp_path / "folder").mkdir()
+    code, _, err = cosim("run", write(SMALL), "-o", tmp_path / "folder")
+    assert code == 2 and "folder" in err and "Traceback" not in err
+
+
+def test_check_shows_blocks_wires_and_order(cosim, write):
+    code, out, _ = cosim("check", write(SMALL))
+    assert code == 0 and "2 × Lag" in out and "u ← source.y" in out
+    assert out.index("source.outputs") < out.index("lag.outputs_mean")
+
+
+def test_blocks_lists_the_library_and_shows_one(cosim):
+    code, out, _ = cosim("blocks")
+    assert code == 0 and "NeuralObserver" in out and "OmnidirectionalRobot" in out
+    code, out, _ = cosim("blocks", "SlidingModeDifferentiator")
+    assert code == 0 and "(29)" in out and "xi_1[n]" in out and "lipschitz" in out
+    code, _, err = cosim("blocks", "NeuralObserv")
+    assert code == 2 and "NeuralObserver" in err
+
+
+def test_a_warm_run_imports_no_compiler(write):
+    path = write(SMALL)
+    command = "import sys; from cosim import cli; code = cli.main(['run', sys.argv[1], '-o', sys.argv[2]]); "
+    command += "assert not {'numba', 'scipy', 'matplotlib', 'xarray'} & set(sys.modules), 'slow import'; sys.exit(code)"
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", command, str(path), str(path.with_suffix(".nc"))], capture_output=True, text=True
+        )
+    assert done.returncode == 0, done.stderr
+
+
+def test_two_processes_may_compile_at_once(write, tmp_path):
+    """Both find an empty cache; each sees whole files or none."""
+    environment = {**os.environ, "COSIM_CACHE": str(tmp_path / "cache")}
+    path = write("run: {stop: 0.1, step: 0.01}\nblocks:\n  o: {type: Oscillator}\n")
+    command = [sys.executable, "-m", "cosim.cli", "run", str(path), "--json", "-o"]
+    both = [
+        subprocess.Popen([*command, str(tmp_path / f"{n}.nc")], env=environment, stdout=subprocess.PIPE)
+        for n in range(2)
+    ]
+    answers = [json.loads(process.communicate(timeout=120)[0]) for process in both]
+    assert [answer["status"] for answer in answers] == ["completed"] * 2
+    assert answers[0]["kernels_compiled"] + answers[1]["kernels_compiled"] >= 2
+    assert not list((tmp_path / "cache").glob("*.tmp"))
