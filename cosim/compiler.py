@@ -7,13 +7,12 @@ was never run, so that the same text can become object code for this machine and
 from __future__ import annotations
 
 import re
-import types as python_types
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 
-from cosim import memory, native
+from cosim import native
 from cosim.errors import KernelError
 
 if TYPE_CHECKING:
@@ -35,30 +34,27 @@ def compile_object(name: str, sources: Iterable[Source]) -> bytes:
 
 
 def compile_ir(name: str, sources: Iterable[Source]) -> str:
-    """LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: KernelError."""
+    """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: KernelError."""
     from numba import types
     from numba.core.compiler import Flags, compile_extra
     from numba.core.compiler_lock import global_compiler_lock
-    from numba.core.registry import cpu_target
-    from numba.core.runtime import nrtdynmod
+
+    from cosim import helpers
 
     signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
     flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
-    with global_compiler_lock:
-        context = cpu_target.target_context.with_aot_codegen(name)
-        library = context.codegen().create_library(name)
-        # numba's array views are typed with a reference count; its code is dropped again where nothing allocates.
-        runtime, _ = nrtdynmod.create_nrt_module(context)
-        library.add_ir_module(runtime)
-        jitted: dict[int, Any] = {}
+    with global_compiler_lock, helpers.unoptimised():
+        target = helpers.target()
+        library = target.target_context.codegen().create_library(name)
+        library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS))
         for source in sources:
-            adapter = _with_jitted_globals(source.build(), jitted)
+            adapter = helpers.with_compiled_globals(source.build(), disjoint=True)
             try:
                 result = compile_extra(
-                    cpu_target.typing_context,
-                    context,
+                    target.typing_context,
+                    target.target_context,
                     adapter,
                     signature,
                     types.int32,
@@ -72,6 +68,12 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
         library.finalize()
         return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
 
+
+#: numba's array views are typed with a reference count; those that kernels see own nothing.
+_NO_REFERENCE_COUNTS = """
+define void @NRT_incref(ptr %object) alwaysinline { ret void }
+define void @NRT_decref(ptr %object) alwaysinline { ret void }
+"""
 
 #: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status.
 _SHIM = """
@@ -126,40 +128,6 @@ def _refuse_foreign(module: Any, name: str) -> None:
             f"{name} cannot be a kernel: it needs `{foreign[0]}` ({why})",
             fix="write results in place, declare work space as Local, or declare the class with `compiled=False`",
         )
-
-
-def _with_jitted_globals(function: Callable[..., Any], jitted: dict[int, Any]) -> Callable[..., Any]:
-    """A copy of a function whose plain-Python helpers are compiled and whose memory access is machine code."""
-    from numba import njit
-
-    from cosim import intrinsics
-
-    scope = dict(function.__globals__)
-    for name in _names(function.__code__):
-        value = scope.get(name)
-        if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
-            continue
-        if value.__module__ == memory.__name__:
-            value = getattr(intrinsics, value.__name__)
-            if not isinstance(value, python_types.FunctionType):
-                scope[name] = value
-                continue
-        if id(value) not in jitted:
-            jitted[id(value)] = None
-            jitted[id(value)] = njit(error_model="numpy")(_with_jitted_globals(value, jitted))
-        if jitted[id(value)] is None:
-            raise KernelError(f"{name}() calls itself", fix="write the recursion as a loop")
-        scope[name] = jitted[id(value)]
-    copy = python_types.FunctionType(
-        function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
-    )
-    copy.__module__ = function.__module__
-    return copy
-
-
-def _names(code: python_types.CodeType) -> set[str]:
-    inner = (c for c in code.co_consts if isinstance(c, python_types.CodeType))
-    return set(code.co_names).union(*(_names(c) for c in inner))
 
 
 def _explain(error: Exception, name: str) -> KernelError:

@@ -96,7 +96,9 @@ def _key(parts: Iterable[str]) -> str:
 @cache
 def _compilers() -> tuple[str, ...]:
     """The versions of all that turns a function into code, our own part of it included."""
-    own = b"".join(Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("compiler", "intrinsics"))
+    own = b"".join(
+        Path(__file__).with_name(f"{name}.py").read_bytes() for name in ("compiler", "helpers", "intrinsics")
+    )
     versions = (version("numba"), version("llvmlite"), f"{sys.version_info[:2]}")
     return (*versions, hashlib.sha256(own).hexdigest())
 

@@ -1,0 +1,132 @@
+"""Plain-Python helpers of kernels, as numba sees them: typed and lowered on demand, but never made machine code.
+
+`numba.njit` would optimise each helper by itself, wrap it for Python and emit code that nobody calls. Here a helper
+stays unoptimised IR in the library of whoever calls it, and LLVM optimises the whole once. See `cosim.compiler`.
+"""
+
+from __future__ import annotations
+
+import gc
+import types as python_types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+from numba.core import config as numba_config
+from numba.core import sigutils
+from numba.core.registry import CPUDispatcher, cpu_target
+
+from cosim import intrinsics, memory
+from cosim.errors import KernelError
+
+
+class Target:
+    """What a dispatcher asks for: numba's own processor target, with ahead-of-time code generation."""
+
+    options = cpu_target.options
+    typing_context = cpu_target.typing_context
+
+    def __init__(self) -> None:
+        self.target_context = cpu_target.target_context.with_aot_codegen("cosim")
+
+
+@cache
+def target() -> Target:
+    """One target for all kernels of a process."""
+    return Target()
+
+
+@contextmanager
+def unoptimised() -> Iterator[None]:
+    """Keep numba from optimising what `cosim.compiler.emit` optimises anyway. Needs numba's compiler lock.
+
+    Garbage is not collected meanwhile: numba's graphs of objects are large, and there is none among them.
+    """
+    config: Any = numba_config
+    level, collects = config.OPT, gc.isenabled()
+    config.OPT = type(level)(0)
+    gc.disable()
+    try:
+        yield
+    finally:
+        config.OPT = level
+        if collects:
+            gc.enable()
+
+
+class Helper(CPUDispatcher):
+    """A Python function that compiled functions may call.
+
+    disjoint: arrays that it writes share no memory with its other arguments.
+    """
+
+    def __init__(self, function: Callable[..., Any], disjoint: bool) -> None:
+        self.targetdescr: Any = target()
+        super().__init__(function, targetoptions={"nopython": True, "error_model": "numpy"})
+        self._compiler: Any
+        self._compiler._customize_flags = self._flags
+        self._disjoint = disjoint
+
+    def _flags(self, flags: Any) -> Any:
+        flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+        flags.noalias = self._disjoint
+        return flags
+
+    def add_overload(self, result: Any) -> None:
+        """Make a compiled signature known to callers; its descriptor is the key, as there is no machine code."""
+        self.overloads[tuple(result.signature.args)] = result
+        self.targetctx.insert_user_function(result.fndesc, result.fndesc, [result.library])
+
+    def get_overload(self, signature: Any) -> Any:
+        """The key of a compiled signature."""
+        arguments, _ = sigutils.normalize_signature(signature)
+        found: Any = self.overloads[tuple(arguments)]
+        return found.fndesc
+
+
+_helpers: dict[Any, Helper] = {}
+
+
+def with_compiled_globals(
+    function: Callable[..., Any], disjoint: bool = False, inside: tuple[Any, ...] = ()
+) -> Callable[..., Any]:
+    """A copy of a function whose plain-Python helpers are compiled and whose memory access is machine code.
+
+    disjoint: of the helpers, see `Helper`; inside: the functions that are being looked through. Raises: KernelError for
+    a recursion.
+    """
+    scope = dict(function.__globals__)
+    for name in _names(function.__code__):
+        value = scope.get(name)
+        if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
+            continue
+        if value.__module__ == memory.__name__:
+            value = getattr(intrinsics, value.__name__)
+            if not isinstance(value, python_types.FunctionType):
+                scope[name] = value
+                continue
+        if value in inside:
+            raise KernelError(f"{name}() calls itself", fix="write the recursion as a loop")
+        scope[name] = _helper(with_compiled_globals(value, inside=(*inside, value)), disjoint)
+    copy = python_types.FunctionType(
+        function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__module__ = function.__module__
+    return copy
+
+
+def _helper(function: Callable[..., Any], disjoint: bool) -> Helper:
+    """One helper for all functions of the same code that see the same values, so that blocks share its IR."""
+    reached = [function.__globals__.get(name) for name in sorted(_names(function.__code__))]
+    reached += [function.__defaults__, *(cell.cell_contents for cell in function.__closure__ or ())]
+    # What is not a number is kept alive by the helper that the key belongs to, so that its id stays its own.
+    key = (function.__code__, disjoint, *(repr(v) if isinstance(v, (int, float)) else id(v) for v in reached))
+    if key not in _helpers:
+        _helpers[key] = Helper(function, disjoint)
+    return _helpers[key]
+
+
+def _names(code: python_types.CodeType) -> set[str]:
+    inner = (c for c in code.co_consts if isinstance(c, python_types.CodeType))
+    return set(code.co_names).union(*(_names(c) for c in inner))
