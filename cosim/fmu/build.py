@@ -132,6 +132,8 @@ class Objects:
 
         if unit.name not in self._ir:
             ir = compiler.compile_ir(unit.name, unit.sources)
+            for symbol in (s.symbol for s in unit.sources):
+                ir = ir.replace(f"define i32 @{symbol}(", f"define hidden i32 @{symbol}(")
             self._ir[unit.name] = faults.with_texts(ir, unit.faults) if unit.faults else ir
         keep = [s.symbol for s in unit.sources] + ([unit.faults] if unit.faults else [])
         code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", keep, unit.name)
@@ -139,14 +141,9 @@ class Objects:
         return code
 
     def _key(self, unit: Unit, platform: Platform) -> str:
-        own = Path(faults.__file__).read_text()
-        parts = [
-            *kernels._compilers(),
-            own,
-            platform.triple,
-            platform.cpu,
-            *(s.symbol + s.fingerprint for s in unit.sources),
-        ]
+        parts = [Path(module).read_text() for module in (__file__, faults.__file__)]
+        parts += [*kernels._compilers(), platform.triple, platform.cpu]
+        parts += [source.symbol + source.fingerprint for source in unit.sources]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 

@@ -24,7 +24,9 @@ static fmi2Status unsupported(Instance *i, const char *function) {
 
 static void call_logger(const Instance *i, Status status, const char *category, const char *message) {
     const fmi2CallbackFunctions *functions = i->logger;
-    functions->logger(i->environment, i->name, (fmi2Status)status, category, "%s", message);
+    /* Importers without C's printf show the format as it is. */
+    const char *format = strchr(message, '%') ? "%s" : message;
+    functions->logger(i->environment, i->name, (fmi2Status)status, category, format, message);
 }
 
 const char *fmi2GetTypesPlatform(void) {
