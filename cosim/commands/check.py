@@ -1,0 +1,19 @@
+"""`cosim check`: validate a diagram without running it."""
+
+from __future__ import annotations
+
+import argparse
+
+from cosim import inspection
+from cosim.commands.options import diagram_arguments, load_network
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    diagram_arguments(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print blocks, wires, order and conditions."""
+    inspection.print_network(load_network(options))
+    return 0

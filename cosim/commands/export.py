@@ -1,0 +1,30 @@
+"""`cosim export`: write blocks of a diagram as one native FMU."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from cosim.commands.options import diagram_arguments, load_network
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    diagram_arguments(parser)
+    parser.add_argument("blocks", nargs="?", default="", help="names joined by commas (default: all blocks)")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.fmu", help="default: <blocks>.fmu")
+    parser.add_argument("--fmi", choices=("2.0", "3.0"), default="3.0", help="version of the standard")
+    parser.add_argument("--platform", metavar="P,P", help="such as linux-x86_64,windows-x86_64 (default: this one)")
+    parser.add_argument("--member", type=int, default=1, metavar="I", help="whose values are the start values")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the FMU and say what is in it."""
+    from cosim.fmu.export import export
+
+    blocks = [name for name in options.blocks.split(",") if name]
+    output = options.output or Path(f"{'_'.join(blocks) or options.diagram.stem}.fmu")
+    platforms = options.platform.split(",") if options.platform else None
+    path = export(load_network(options), blocks, output, options.fmi, platforms, options.member)
+    print(f"wrote {path} ({path.stat().st_size / 1024:.0f} kB, FMI {options.fmi})")
+    return 0

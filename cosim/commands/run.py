@@ -1,0 +1,56 @@
+"""`cosim run`: run a diagram and print its metrics."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from cosim import results, terminal
+from cosim.commands.options import diagram_arguments, load_network
+from cosim.errors import CosimError
+from cosim.run import ENGINES, Outcome, Run
+
+EXIT_CODES = {"completed": 0, "diverged": 1, "failed": 1, "interrupted": 130}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    diagram_arguments(parser)
+    parser.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help="python: for breakpoints in blocks")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.nc", help="result (default: results/<diagram>.nc)")
+    parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the diagram; 0 only if it completed."""
+    network = load_network(options)
+    output = options.output or Path("results") / f"{options.diagram.stem}.nc"
+    run = Run(network, options.engine, output, options.began)
+    previous = results.read_metrics(output) if output.exists() else None
+    with terminal.Progress(network.diagram.run.stop) as progress:
+        outcome = run.execute(progress.update)
+    if options.csv:
+        with results.open_result(output) as result:
+            results.write_csv(options.csv, result)
+    if options.json:
+        print(outcome.as_json())
+    else:
+        _report(outcome, previous)
+    if outcome.error:
+        terminal.print_errors(outcome.error)
+    return EXIT_CODES[outcome.status]
+
+
+def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
+    terminal.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
+    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
+    compiled = f", {outcome.kernels_compiled} kernels compiled" if outcome.kernels_compiled else ""
+    print(f"\n{outcome.status} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
+    print(f"recorded in {outcome.results}")
+    sys.stdout.flush()
+    for event in outcome.events:
+        first = event.times if isinstance(event.times, float) else min(e["time"] for e in event.times)
+        terminal.print_warnings([CosimError(f"{event.signal}: {event.text}, first at t = {first:g} s")])
