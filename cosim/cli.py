@@ -17,6 +17,9 @@ COMMANDS = {
     "blocks": "list the blocks, or show one",
     "export": "write blocks of a diagram as an FMU",
     "study": "run many variants, grid points and random draws of a diagram",
+    "report": "run studies, and write one HTML file with their tables and pictures",
+    "plot": "draw recorded signals, or animate a run",
+    "compare": "show two results side by side, and where they part",
 }
 
 

@@ -191,6 +191,10 @@ class MetricError(CosimError):
     """A metric whose signal, reduction or time window does not make sense."""
 
 
+class PlotError(CosimError):
+    """A picture that cannot be drawn from what a result holds."""
+
+
 class ClusterError(CosimError):
     """A Dask cluster that cannot be reached or used."""
 

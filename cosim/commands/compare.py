@@ -1,0 +1,39 @@
+"""`cosim compare`: two results side by side, and where they part."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from cosim import comparison, terminal
+from cosim.metrics import for_json
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("first", type=Path, metavar="A.nc", help="a result")
+    parser.add_argument("second", type=Path, metavar="B.nc", help="the result that it is compared with")
+    help_ = "relative to a signal's largest value (default: 1e-6)"
+    parser.add_argument("--tolerance", type=float, default=1e-6, metavar="X", help=help_)
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print metrics with their differences, and the first time and signal at which the results part."""
+    result = comparison.compare(options.first, options.second, options.tolerance)
+    if options.json:
+        content = {
+            "same": result.parted is None,
+            "parted": result.parted and vars(result.parted),
+            "beyond": result.beyond and vars(result.beyond),
+            "metrics": list(result.metrics),
+        }
+        print(json.dumps(for_json(content), ensure_ascii=False))
+        return 0
+    first, second = result.metrics
+    terminal.metrics_table(second, first)
+    print()
+    for line in comparison.lines(result, options.tolerance):
+        print(line)
+    return 0

@@ -1,0 +1,167 @@
+"""The figures that a study describes, read from YAML, and the picture of any run that nobody has described."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cosim import grammar, source
+from cosim.errors import PlotError, Problems, WrongType
+from cosim.grammar import Reader
+from cosim.plot import lines, plane, style
+from cosim.plot.lines import Panel
+from cosim.plot.plane import Plane
+from cosim.results import Result
+from cosim.source import Node, describe
+
+KINDS = ("lines", "plane")
+FORMATS = ("png", "svg", "pdf")
+_VALUE: dict[str, Any] = {}
+_FIGURE = dict.fromkeys(
+    ("kind", "caption", "members", "columns", "height", "panels", "positions", "references", "radii", "at"), _VALUE
+)
+_PANEL: dict[str, Any] = {
+    **dict.fromkeys(("signals", "label", "title", "over", "over_label", "names", "log", "derivative"), _VALUE),
+    **dict.fromkeys(("limits", "span"), _VALUE),
+    "thresholds": {grammar.ANY: _VALUE},
+}
+
+
+@dataclass
+class Figure:
+    """A figure of a study. members: the runs that it shows, all if none is named."""
+
+    name: str
+    caption: str = ""
+    members: Sequence[str] = ()
+    columns: int = 1
+    height: float = 1.75
+    panels: list[Panel] = field(default_factory=list)
+    plane: Plane | None = None
+
+    def draw(self, files: Mapping[str, Path], output: Path) -> None:
+        """Draw it from the members' result files. Raises: PlotError, ResultError."""
+        chosen = self.members or list(files)
+        missing = [name for name in chosen if name not in files]
+        if missing:
+            raise PlotError(f"{self.name}: member `{missing[0]}` has no recorded signals", fix="add `record: true`")
+        with ExitStack() as stack:
+            runs = {name: stack.enter_context(Result(files[name])) for name in chosen}
+            stack.enter_context(style.style())
+            if self.plane:
+                made = plane.draw(next(iter(runs.values())), self.plane)
+            else:
+                made = lines.draw(runs, self.panels, self.columns, self.height)
+            save(made, output)
+
+
+def save(made: Any, output: Path) -> None:
+    """Write a figure as PNG, SVG or PDF, by the name's ending. Raises: PlotError."""
+    kind = output.suffix.lower().lstrip(".")
+    if kind not in FORMATS:
+        raise PlotError(f"`{output}`: pictures are {', '.join(FORMATS)}", fix="such as -o picture.svg")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    about = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
+    try:
+        made.savefig(output, metadata=about)
+    except OSError as error:
+        message = f"cannot write {output}: {error.strerror or error}"
+        raise PlotError(message, fix="choose a folder that you may write to") from None
+
+
+def read(figures: Mapping[str, Node], problems: Problems) -> list[Figure]:
+    """The figures of a study; every mistake goes to `problems`."""
+    reader = Reader(problems)
+    return [
+        _figure(name, grammar.conform(node, problems, _FIGURE, f"figures.{name}"), reader)
+        for name, node in figures.items()
+    ]
+
+
+def _figure(name: str, node: Node, reader: Reader) -> Figure:
+    entries, where = node.value, f"figures.{name}"
+    figure = Figure(name)
+    if "caption" in entries:
+        figure.caption = reader.text(entries["caption"], f"{where}.caption")
+    figure.members = _texts(entries.get("members"), f"{where}.members", reader)
+    if "columns" in entries:
+        figure.columns = reader.count(entries["columns"], f"{where}.columns")
+    if "height" in entries:
+        figure.height = reader.positive(entries["height"], f"{where}.height")
+    kind = reader.choice(entries["kind"], f"{where}.kind", KINDS) if "kind" in entries else KINDS[0]
+    if kind == "plane":
+        texts = {
+            k: reader.text(entries[k], f"{where}.{k}") for k in ("positions", "references", "radii") if k in entries
+        }
+        figure.plane = Plane(at=_numbers(entries.get("at"), f"{where}.at", reader), **{"positions": "", **texts})
+        return figure
+    panels = entries["panels"].value if "panels" in entries else []
+    if not isinstance(panels, list) or not panels:
+        reader.wrong(node, f"`{where}` has no panels", "write panels: [{signals: [plant.x]}]", WrongType)
+        return figure
+    figure.panels = [_panel(f"{where}.panels[{k}]", panel, reader) for k, panel in enumerate(panels)]
+    return figure
+
+
+def _panel(where: str, node: Node, reader: Reader) -> Panel:
+    entries = grammar.conform(node, reader.problems, _PANEL, where).value
+    panel = Panel(_texts(entries.get("signals"), f"{where}.signals", reader))
+    for key in ("label", "title", "over", "over_label"):
+        if key in entries:
+            setattr(panel, key, reader.text(entries[key], f"{where}.{key}"))
+    for key in ("log", "derivative"):
+        if key in entries:
+            setattr(panel, key, reader.truth(entries[key], f"{where}.{key}"))
+    panel.names = _texts(entries.get("names"), f"{where}.names", reader)
+    for key in ("limits", "span"):
+        pair = _numbers(entries.get(key), f"{where}.{key}", reader)
+        if len(pair) == 2:
+            setattr(panel, key, tuple(pair))
+    if "thresholds" in entries:
+        lines_ = entries["thresholds"].value
+        panel.thresholds = {name: reader.number(n, f"{where}.thresholds.{name}") for name, n in lines_.items()}
+    return panel
+
+
+def _texts(node: Node | None, where: str, reader: Reader) -> list[str]:
+    items = [] if node is None else node.value if isinstance(node.value, list) else [node]
+    return [reader.text(item, where) for item in items]
+
+
+def _numbers(node: Node | None, where: str, reader: Reader) -> list[float]:
+    if node is None:
+        return []
+    if not isinstance(node.value, list):
+        reader.wrong(node, f"`{where}` takes a list of numbers, not {describe(node)}", "such as [0, 10]")
+        return []
+    return [reader.number(item, where) for item in node.value]
+
+
+def default_signals(result: Result) -> list[str]:
+    """What a run's picture shows if nobody says: the recorded signals that its metrics reduce, else all of them."""
+    try:
+        tree = source.parse_value(str(result.attrs.get("diagram", "")), source.Position(str(result.path)))
+        metrics = tree.value.get("metrics", Node({}, tree.position)).plain() if isinstance(tree.value, dict) else {}
+    except Exception:  # a result of another version: its diagram is no longer understood
+        metrics = {}
+    measured = dict.fromkeys(metric["signal"] for metric in metrics.values() if isinstance(metric, dict))
+    return [name for name in measured if name in result.signals] or list(result.signals)
+
+
+def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[str]:
+    """Draw signals of one run, or of several over each other; returns their names. Raises: PlotError, ResultError."""
+    with ExitStack() as stack:
+        stems = [path.stem for path in paths]
+        names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
+        runs = {name: stack.enter_context(Result(path)) for name, path in zip(names, paths, strict=True)}
+        first = next(iter(runs.values()))
+        chosen = list(signals) or default_signals(first)
+        if not chosen:
+            raise PlotError(f"{paths[0]} holds no signals", fix="add `record:` to the diagram")
+        panels = [Panel([name]) for name in chosen]
+        stack.enter_context(style.style())
+        save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
+    return chosen

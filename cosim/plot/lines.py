@@ -1,0 +1,154 @@
+"""Figures of lines: panels, each with one or several signals of one or several runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cosim.plot import style
+from cosim.plot.signals import Curve, curves
+from cosim.results import Result
+
+DECADES = 2.5
+"""A positive curve that spans more decades than this is drawn on a logarithmic axis, if nothing else is said."""
+NAMED = 8
+"""More lines than this in a panel are drawn thin and without a legend."""
+
+
+@dataclass
+class Panel:
+    """One pair of axes. signals: names as of `cosim.plot.signals`; over: the signal on the horizontal axis, else time.
+
+    derivative: draw d signal / d over instead. thresholds: horizontal lines with their names.
+    """
+
+    signals: Sequence[str]
+    label: str = ""
+    title: str = ""
+    over: str = ""
+    over_label: str = ""
+    names: Sequence[str] = ()
+    log: bool | None = None
+    derivative: bool = False
+    limits: tuple[float, float] | None = None
+    span: tuple[float, float] | None = None
+    thresholds: Mapping[str, float] = field(default_factory=dict)
+
+
+def draw(runs: Mapping[str, Result], panels: Sequence[Panel], columns: int = 1, height: float = 1.75) -> Any:
+    """A figure of all panels, each with the lines of all runs; must be called within `style.style()`."""
+    from matplotlib import pyplot
+
+    rows = -(-len(panels) // columns)
+    width = style.WIDTH if columns > 1 else style.COLUMN * 1.35
+    figure, axes = pyplot.subplots(rows, columns, figsize=(width, height * rows + 0.35), squeeze=False)
+    for k, axis in enumerate(axes.flat):
+        if k >= len(panels):
+            axis.set_axis_off()
+            continue
+        _panel(axis, runs, panels[k])
+    _share_labels(axes)
+    legends = [_key(axis) for axis in axes.flat if axis.axison]
+    if len(runs) > 1 and len(set(legends)) == 1:
+        handles, labels = axes.flat[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 5))
+    else:
+        for axis in axes.flat:
+            handles, labels = axis.get_legend_handles_labels()
+            if 0 < len(labels) <= NAMED and (len(labels) > 1 or len(runs) > 1):
+                axis.legend(loc="best")
+    return figure
+
+
+def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
+    from matplotlib.ticker import NullFormatter
+
+    found = [(run, curve) for run, result in runs.items() for curve in _curves(result, panel)]
+    many = len(found) > NAMED
+    names = _names(runs, panel, [curve for _, curve in found])
+    for k, (_, curve) in enumerate(found):
+        look = {"color": style.COLOURS[k % len(style.COLOURS)], "linewidth": 0.6} if many else style.line(k)
+        axis.plot(curve.times, curve.values, label=names[k], **look)
+    for name, value in panel.thresholds.items():
+        axis.axhline(value, color="#505050", linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1)
+        axis.annotate(
+            name, (1, value), (-3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
+            ha="right", va="bottom", fontsize=7, color="#505050",
+        )  # fmt: skip
+    values = [curve.values for _, curve in found]
+    if panel.log if panel.log is not None else _is_wide(values):
+        axis.set_yscale("log", nonpositive="mask")
+        axis.yaxis.set_minor_formatter(NullFormatter())
+        _limit_decades(axis, values)
+    unit = style.unit_text(found[0][1].unit) if found and not panel.derivative else ""
+    label = panel.label or (panel.signals[0] if len(panel.signals) == 1 else "")
+    axis.set_ylabel(f"{label} ({unit})" if unit and "(" not in label.split("$")[-1] else label)
+    axis.set_xlabel(panel.over_label or panel.over or "time (s)")
+    axis.set_title(panel.title)
+    if panel.limits:
+        axis.set_ylim(*panel.limits)
+    if panel.span:
+        axis.set_xlim(*panel.span)
+    else:
+        axis.margins(x=0)
+
+
+def _curves(result: Result, panel: Panel) -> list[Curve]:
+    found = [curve for text in panel.signals for curve in curves(result, text)]
+    if not panel.over:
+        return found
+    (over,) = curves(result, panel.over)
+    return [
+        Curve(c.label, over.values, _slope(over.values, c.values) if panel.derivative else c.values, c.unit)
+        for c in found
+    ]
+
+
+def _slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """dy/dx; a jump of y between two samples is left out, as NaN."""
+    slope = np.gradient(y, x)
+    steps = np.abs(np.diff(y))
+    beside = np.maximum(np.concatenate(([np.inf], steps[:-1])), np.concatenate((steps[1:], [np.inf])))
+    jumps = np.flatnonzero((steps > 5 * beside) & (steps > 1e-3 * np.ptp(y)))
+    slope[np.union1d(jumps, jumps + 1)] = np.nan
+    return slope
+
+
+def _names(runs: Mapping[str, Result], panel: Panel, found: Sequence[Curve]) -> list[str]:
+    """What each line is called: the run, the signal, or both, whatever tells them apart."""
+    each = len(found) // max(len(runs), 1)
+    own = [panel.names[k % each] if each and k % each < len(panel.names) else c.label for k, c in enumerate(found)]
+    if each <= 1 and len(runs) > 1:
+        return list(runs)
+    return own if len(runs) == 1 else [f"{list(runs)[k // each]}: {name}" for k, name in enumerate(own)]
+
+
+def _is_wide(values: Sequence[np.ndarray]) -> bool:
+    every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
+    positive = every[every > 0]
+    if not positive.size or every.min() < 0:
+        return False
+    return bool(np.log10(positive.max() / np.median(positive)) > DECADES)
+
+
+def _limit_decades(axis: Any, values: Sequence[np.ndarray]) -> None:
+    """Leave out the few samples that dip far below all others."""
+    lows = [np.quantile(v[v > 0], 0.002) for v in values if np.any(v > 0)]
+    if lows:
+        axis.set_ylim(bottom=10 ** np.floor(np.log10(min(lows))))
+
+
+def _share_labels(axes: Any) -> None:
+    """Within a column of panels over the same quantity only the lowest says which."""
+    for column in axes.T:
+        shown = [axis for axis in column if axis.axison]
+        if len({axis.get_xlabel() for axis in shown}) == 1:
+            for axis in shown[:-1]:
+                axis.set_xlabel("")
+
+
+def _key(axis: Any) -> tuple[str, ...]:
+    return tuple(axis.get_legend_handles_labels()[1])

@@ -1,0 +1,84 @@
+"""One style for all pictures, as a journal prints them: serif, thin frames, lines that differ also in grey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+WIDTH = 7.16
+"""Inches across two columns of a journal's page."""
+COLUMN = 3.5
+# Colours that colour-blind readers tell apart, from dark to light, so that grey print keeps them apart too.
+COLOURS = ("#000000", "#c1440e", "#4393d0", "#e0a100", "#6a4c93", "#5a9e6f", "#8c8c8c", "#d08fb0")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)))
+SETTINGS: dict[str, Any] = {
+    "font.family": "serif",
+    "font.serif": ["STIXGeneral"],
+    "mathtext.fontset": "stix",
+    "font.size": 8.5,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.0,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "axes.grid": True,
+    "grid.color": "#d9d9d9",
+    "grid.linewidth": 0.4,
+    "legend.frameon": True,
+    "legend.framealpha": 0.9,
+    "legend.edgecolor": "#b0b0b0",
+    "legend.fancybox": False,
+    "legend.handlelength": 2.4,
+    "patch.linewidth": 0.6,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 300,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "cosim",
+    "pdf.fonttype": 42,
+}
+
+
+@contextmanager
+def style() -> Iterator[Any]:
+    """Draw in this style, without a screen; gives `matplotlib.pyplot`. Raises: PlotError if it is not installed."""
+    try:
+        import matplotlib
+    except ImportError:
+        from cosim.errors import PlotError
+
+        raise PlotError("matplotlib is not installed", fix='python -m pip install "cosim[plot]"') from None
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    with matplotlib.rc_context(SETTINGS):
+        try:
+            yield pyplot
+        finally:
+            pyplot.close("all")
+
+
+def line(k: int) -> dict[str, Any]:
+    """How the k-th line looks."""
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it is printed after a quantity, such as `m s⁻²` for `m/s2`; dimensionless is nothing."""
+    if unit in ("", "1"):
+        return ""
+    over, *under = unit.replace("*", ".").split("/")
+    parts = [_power(part, 1) for part in over.split(".") if part != "1"]
+    return " ".join(parts + [_power(part, -1) for group in under for part in group.split(".")])
+
+
+def _power(part: str, sign: int) -> str:
+    name = part.rstrip("0123456789-^")
+    exponent = sign * int(part[len(name) :].strip("^") or 1)
+    return name if exponent == 1 else name + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
