@@ -156,6 +156,7 @@ class Run:
                     writing += clock.perf_counter() - resumed
                     interrupted.raise_if_wanted()
         finally:
+            self.simulation.close()
             self.seconds["solve"] = clock.perf_counter() - began - writing
 
     def _reduce(self, samples: Samples) -> None:

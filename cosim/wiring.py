@@ -115,7 +115,9 @@ class _Wiring:
             self.problems.attempt(self._period, slave, entry.period)
         most = block.declaration.most_instances
         if most is not None and slave.count > most:
-            message = f"block {entry.name}: {slave.count} instances, but one process may have {most} of `{entry.path.name}`"
+            message = (
+                f"block {entry.name}: {slave.count} instances, but one process may have {most} of `{entry.path.name}`"
+            )
             self.problems.add(TooManyInstances(message, entry.position, "write `isolate: true`"))
         for name, size in block.declaration.dimensions.items():
             slave.axes[name] = Axis(size.default)

@@ -251,7 +251,7 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     starting = {**fmu.inputs_of, **fmu.initial_inputs_of}
     for k, (known, names) in enumerate(_grouped(outputs, starting, inputs if feedthrough else [])):
         functions.append(_function(f"initial_{k}", "initial", adapter.initial, known, names))
-    calculated = [name for name in states if name in fmu.initial_inputs_of]
+    calculated = [n for n in states if n in fmu.initial_inputs_of or fmu.ports[n].first.initial == "calculated"]
     for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
         functions.append(_function(f"start_{k}", "start", adapter.initial, known, names))
     functions.append(_function("begin", "begin", adapter.begin, inputs, states))

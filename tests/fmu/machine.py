@@ -69,6 +69,7 @@ TYPES2 = {
     "Boolean": "Boolean",
     "String": "String",
 }
+ITEMS = '<Item name="red" value="1"/><Item name="blue" value="2"/>'
 DERIVATIVES = ("der(h)", "der(x)", "der(v)")  # not in the order of the variables
 
 
@@ -124,7 +125,7 @@ def _description2(interfaces: str) -> str:
 <fmiModelDescription fmiVersion="2.0" modelName="machine" guid="machine" numberOfEventIndicators="1">
 {interfaces}
 <UnitDefinitions><Unit name="m"/><Unit name="s"/></UnitDefinitions>
-<TypeDefinitions><SimpleType name="Color"><Enumeration><Item name="red" value="1"/><Item name="blue" value="2"/></Enumeration></SimpleType></TypeDefinitions>
+<TypeDefinitions><SimpleType name="Color"><Enumeration>{ITEMS}</Enumeration></SimpleType></TypeDefinitions>
 <LogCategories><Category name="logStatusError"/></LogCategories>
 <ModelVariables>{"".join(map(scalar, variables))}</ModelVariables>
 <ModelStructure>{structure}</ModelStructure>
@@ -159,7 +160,7 @@ def _description3(interfaces: str) -> str:
 <fmiModelDescription fmiVersion="3.0" modelName="machine" instantiationToken="machine">
 {interfaces}
 <UnitDefinitions><Unit name="m"/><Unit name="s"/></UnitDefinitions>
-<TypeDefinitions><EnumerationType name="Color"><Item name="red" value="1"/><Item name="blue" value="2"/></EnumerationType></TypeDefinitions>
+<TypeDefinitions><EnumerationType name="Color">{ITEMS}</EnumerationType></TypeDefinitions>
 <LogCategories><Category name="logStatusError"/></LogCategories>
 <ModelVariables>{"".join(map(variable, variables))}</ModelVariables>
 <ModelStructure>{"".join(rows)}</ModelStructure>

@@ -14,7 +14,12 @@ run: {{stop: 2, step: 1.0e-3, method: {method}, integrator: {integrator}}}
 blocks:
   source: {{type: Source}}
   twin: {{type: Lag, inputs: {{u: source.u}}, parameters: {{T: 0.3}}, start: {{x: 0.25}}}}
-  plant: {{fmu: {fmu}, {mode}inputs: {{u: source.u, n: source.n, on: source.on}}, parameters: {{T: 0.3}}, start: {{x: 0.25}}}}
+  plant:
+    fmu: {fmu}
+    mode: {mode}
+    inputs: {{u: source.u, n: source.n, on: source.on}}
+    parameters: {{T: 0.3}}
+    start: {{x: 0.25}}
 """
 EVERY = [("2", "co-simulation"), ("3", "co-simulation"), ("3e", "co-simulation")]
 EVERY += [("2", "model-exchange"), ("3", "model-exchange")]
@@ -26,7 +31,7 @@ def plant(machines, partners):
     """Wire the plant of a kind beside its native twin."""
 
     def wire(kind: str, mode: str, method: str = "jacobi", integrator: str = "euler", *settings: str):
-        text = PLANT.format(fmu=machines[kind], mode=f"mode: {mode}, ", method=method, integrator=integrator)
+        text = PLANT.format(fmu=machines[kind], mode=mode, method=method, integrator=integrator)
         return run.load(partners(text), settings)
 
     return wire
@@ -126,7 +131,10 @@ def test_arrays_singles_and_bytes_of_fmi3(machines, partners, trajectories, mode
         run: {{stop: 0.5, step: 0.01}}
         blocks:
           grid: {{type: Grid}}
-          plant: {{fmu: {machines[kind]}, mode: {mode}, inputs: {{array: grid.array, short: grid.short, byte: grid.byte}}}}
+          plant:
+            fmu: {machines[kind]}
+            mode: {mode}
+            inputs: {{array: grid.array, short: grid.short, byte: grid.byte}}
         """)
     )
     got = trajectories(
