@@ -183,14 +183,14 @@ class Function:
 
 
 class Foreign(Protocol):
-    """What stands behind a block that is no Python code, such as an FMU: its functions are kernels already.
+    """What stands behind a block that is no Python code, such as an FMU: one kernel does all its functions.
 
-    kernels: all of them, each ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame
-    has for it between the instance count and the arguments; whoever opens instances for a run fills them.
+    kernel: ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame has for it between
+    the instance count and the arguments; whoever opens instances for a run fills them.
     """
 
     @property
-    def kernels(self) -> tuple[Callable[[float, int, int], int], ...]: ...
+    def kernel(self) -> Callable[[float, int, int], int]: ...
     @property
     def frame_words(self) -> int: ...
     def open(self, slave: Any, calls: Any, arena: Any, step: float, wanted: set[str]) -> Any: ...

@@ -64,7 +64,7 @@ def compile_table(table: Table) -> Kernels:
     for name, slave in table.network.slaves.items():
         foreign = slave.declaration.foreign
         if foreign:
-            result.modules[name] = kernels.raw_module("fmu", foreign.kernels)
+            result.modules[name] = kernels.raw_module("fmu", [foreign.kernel])
             continue
         if not slave.declaration.compiled:
             result.modules[name] = None

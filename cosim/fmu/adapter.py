@@ -1,6 +1,6 @@
-"""The kernels that stand between the loop and an FMU: set inputs, step, get outputs, handle events.
+"""The kernel that stands between the loop and an FMU: set inputs, step, get outputs, handle events.
 
-Generic: one compiled module serves every FMU of either FMI version, because all that differs is data. A frame is
+Generic: one compiled function serves every FMU of either FMI version, because all that differs is data. A frame is
 ``[fault, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that all calls of
 one block share, `plan` of one that belongs to the call; `cosim.fmu.instance` fills both. Like `cosim.engine`, this is
 one source for both engines, and nothing here allocates or returns to Python.
@@ -66,8 +66,8 @@ RUNNING, EVENT = range(2)
 INFO_REAL = 24  # bytes from INFO to the number in it
 
 # What one call exchanges. The maps give (slot, element) for each state in the FMU's order.
-PLAN_WORDS = 8
-FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES = range(8)
+PLAN_WORDS = 9
+FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK = range(9)
 
 # One variable: the getter or setter, its value references, how many values, and where they are.
 ROW_WORDS = 10
@@ -79,53 +79,24 @@ _EXPONENT64 = 0x7FF0000000000000
 _EXPONENT32 = 0x7F800000
 _LARGEST32 = 0x7FFFFFFF
 
-# What a kernel does for each instance.
+# What a call does for each instance.
 INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, HANDLE_EVENTS = range(8)
-KERNELS = ("initial", "begin", "get", "exchange", "advance", "evaluate", "differentiate", "handle_events")
 
 
-def initial(time: float, base: int, frame: int) -> int:
-    """In Initialization Mode: set inputs, get outputs."""
-    return walk(INITIAL, time, base, frame)
+def adapt(time: float, base: int, frame: int) -> int:
+    """The kernel: do what the plan says for every instance, up to the first that fails. Returns the status.
 
-
-def begin(time: float, base: int, frame: int) -> int:
-    """Leave Initialization Mode; Model Exchange: first event iteration, the states go to the state vector."""
-    return walk(BEGIN, time, base, frame)
-
-
-def get(time: float, base: int, frame: int) -> int:
-    """Co-Simulation without event mode, at a communication point: get outputs."""
-    return walk(GET, time, base, frame)
-
-
-def exchange(time: float, base: int, frame: int) -> int:
-    """Co-Simulation with event mode, at a communication point: set inputs, get outputs."""
-    return walk(EXCHANGE, time, base, frame)
-
-
-def advance(time: float, base: int, frame: int) -> int:
-    """Co-Simulation: set inputs and do a step from `time`."""
-    return walk(ADVANCE, time, base, frame)
-
-
-def evaluate(time: float, base: int, frame: int) -> int:
-    """Model Exchange: outputs from time, states and inputs."""
-    return walk(EVALUATE, time, base, frame)
-
-
-def differentiate(time: float, base: int, frame: int) -> int:
-    """Model Exchange: derivatives from time, states and inputs."""
-    return walk(DIFFERENTIATE, time, base, frame)
-
-
-def handle_events(time: float, base: int, frame: int) -> int:
-    """Model Exchange, at the end of a communication step: handle the events in it; they may change states."""
-    return walk(HANDLE_EVENTS, time, base, frame)
-
-
-def walk(kernel: int, time: float, base: int, frame: int) -> int:
-    """Do what a kernel does for every instance, up to the first that fails. Returns the status."""
+    ==============  ====================================================================================
+    INITIAL         in Initialization Mode: set inputs, get outputs
+    BEGIN           leave Initialization Mode; Model Exchange: the states go to the state vector
+    GET             plain Co-Simulation, at a communication point: get outputs
+    EXCHANGE        Co-Simulation with event mode, at a communication point: set inputs, get outputs
+    ADVANCE         Co-Simulation: set inputs and do a step from `time`
+    EVALUATE        Model Exchange: outputs from time, states and inputs
+    DIFFERENTIATE   Model Exchange: derivatives from time, states and inputs
+    HANDLE_EVENTS   Model Exchange: handle the events of the step that ends now; they may change states
+    ==============  ====================================================================================
+    """
     link = words_at(words_at(frame, FIRST)[LINK], LINK_WORDS)
     plan = words_at(words_at(frame, FIRST)[PLAN], PLAN_WORDS)
     f = words_at(frame, plan[FRAME_WORDS])
@@ -133,31 +104,31 @@ def walk(kernel: int, time: float, base: int, frame: int) -> int:
     for k in range(f[COUNT]):
         address = link[RECORDS] + k * RECORD_WORDS * 8
         r = words_at(address, RECORD_WORDS)
-        if failed(kernel, time, base, link, plan, f, r, address + INFO * 8, k):
+        if failed(plan[TASK], time, base, link, plan, f, r, address + INFO * 8, k):
             link[INSTANCE] = k
             return min(max(link[STATUS], DISCARD), FATAL)
     return WARNING if link[WARNINGS] > warnings else OK
 
 
-def failed(kernel: int, time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
-    """Do what a kernel does for instance k. Returns whether it failed; the link then says where, as in all below."""
-    if kernel == GET:
+def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Do a task for instance k. Returns whether it failed; the link then says where, as in all below."""
+    if task == GET:
         return get_outputs(base, link, plan, f, r, k)
-    if kernel == ADVANCE:
+    if task == ADVANCE:
         return do_step(time, base, link, plan, f, r, info, k)
-    if kernel in (EVALUATE, DIFFERENTIATE):
+    if task in (EVALUATE, DIFFERENTIATE):
         if prepare(time, base, link, plan, f, r, info, k):
             return True
-        if kernel == EVALUATE:
+        if task == EVALUATE:
             return get_outputs(base, link, plan, f, r, k)
         return get_derivatives(base, link, plan, f, r, k)
-    if kernel == HANDLE_EVENTS:
+    if task == HANDLE_EVENTS:
         return events(time, base, link, plan, f, r, info, k)
-    if kernel == EXCHANGE:
+    if task == EXCHANGE:
         if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
             return True
         return (plan[SETTLES] != 0 and settle(link, r, info)) or get_outputs(base, link, plan, f, r, k)
-    if kernel == INITIAL:
+    if task == INITIAL:
         return set_inputs(base, link, plan, f, r, k) or get_outputs(base, link, plan, f, r, k)
     return leave_initialization(base, link, plan, f, r, info, k)
 

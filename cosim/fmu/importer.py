@@ -1,4 +1,4 @@
-"""From a model description to a declaration: an FMU as a block type whose functions are the adapter's kernels.
+"""From a model description to a declaration: an FMU as a block type whose functions are all the adapter's kernel.
 
 What each kind of FMU is to the loop:
 
@@ -66,7 +66,7 @@ class Fmu:
         eventful = self.version == 3 and self.interface.hasEventMode
         return adapter.EVENT_CO_SIMULATION if eventful else adapter.CO_SIMULATION
 
-    kernels = tuple(getattr(adapter, name) for name in adapter.KERNELS)
+    kernel = staticmethod(adapter.adapt)
     frame_words = adapter.FIRST - adapter.LINK
 
     def open(self, *arguments: Any, **more: Any) -> Any:
@@ -240,34 +240,33 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     outputs = [v.name for v in declaration.of(Output)]
     locals_ = [v.name for v in declaration.of(Local)]
     feedthrough = fmu.kind != adapter.CO_SIMULATION
-    exchange = (adapter.get, adapter.exchange, adapter.evaluate)[fmu.kind]
     reads = ("time", *states) if fmu.kind == adapter.MODEL_EXCHANGE else ()
     functions = []
     for k, (known, names) in enumerate(_grouped(outputs, fmu.inputs_of, inputs if feedthrough else [])):
-        functions.append(_function(f"outputs_{k}", "outputs", exchange, (*reads, *known), names))
+        functions.append(_function(f"outputs_{k}", "outputs", (*reads, *known), names))
     if locals_:
         known = inputs if feedthrough else []
-        functions.append(_function("outputs_locals", "outputs", exchange, (*reads, *known), locals_))
+        functions.append(_function("outputs_locals", "outputs", (*reads, *known), locals_))
     starting = {**fmu.inputs_of, **fmu.initial_inputs_of}
     for k, (known, names) in enumerate(_grouped(outputs, starting, inputs if feedthrough else [])):
-        functions.append(_function(f"initial_{k}", "initial", adapter.initial, known, names))
+        functions.append(_function(f"initial_{k}", "initial", known, names))
     calculated = [n for n in states if n in fmu.initial_inputs_of or fmu.ports[n].first.initial == "calculated"]
     for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
-        functions.append(_function(f"start_{k}", "start", adapter.initial, known, names))
-    functions.append(_function("begin", "begin", adapter.begin, inputs, states))
+        functions.append(_function(f"start_{k}", "start", known, names))
+    functions.append(_function("begin", "begin", inputs, states))
     if fmu.kind == adapter.MODEL_EXCHANGE:
-        functions.append(_function("events", "events", adapter.handle_events, (), states))
+        functions.append(_function("events", "events", (), states))
         if states:
             derivatives = [f"d_{name}" for name in states]
             reads = (*reads, *inputs)
-            functions.append(_function("derivatives", "derivatives", adapter.differentiate, reads, derivatives))
+            functions.append(_function("derivatives", "derivatives", reads, derivatives))
     else:
-        functions.append(_function("step", "step", adapter.advance, inputs, []))
+        functions.append(_function("step", "step", inputs, []))
     return tuple(functions)
 
 
-def _function(name: str, kind: str, kernel: Callable[..., int], reads: Any, writes: Any) -> Function:
-    return Function(name, kind, kernel, (*reads, *writes), frozenset(writes))
+def _function(name: str, kind: str, reads: Any, writes: Any) -> Function:
+    return Function(name, kind, adapter.adapt, (*reads, *writes), frozenset(writes))
 
 
 def _grouped(

@@ -262,7 +262,7 @@ class Instances:
         if function.name == "outputs_locals":
             outputs = [n for n in outputs if n in wanted]
         plan = self._array(adapter.PLAN_WORDS)
-        plan[adapter.FRAME_WORDS] = slot
+        plan[adapter.FRAME_WORDS], plan[adapter.TASK] = slot, _task(function.kind, self.fmu.kind)
         plan[adapter.N_INPUTS], plan[adapter.N_OUTPUTS] = len(inputs), len(outputs)
         plan[adapter.INPUTS] = self._row_table(inputs, slots, "Set")
         plan[adapter.OUTPUTS] = self._row_table(outputs, slots, "Get")
@@ -346,6 +346,20 @@ class Instances:
             if self._began and self.lost.get(k, adapter.OK) <= adapter.DISCARD:
                 invoke(self.library.address("Terminate"), (handle,))
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.library.address("FreeInstance"))(handle)
+
+
+def _task(kind: str, fmu_kind: int) -> int:
+    """What the adapter has to do in a function of a kind."""
+    if kind == "outputs":
+        return (adapter.GET, adapter.EXCHANGE, adapter.EVALUATE)[fmu_kind]
+    return {
+        "start": adapter.INITIAL,
+        "initial": adapter.INITIAL,
+        "begin": adapter.BEGIN,
+        "step": adapter.ADVANCE,
+        "derivatives": adapter.DIFFERENTIATE,
+        "events": adapter.HANDLE_EVENTS,
+    }[kind]
 
 
 def _needed(fmu: Any) -> set[int]:
