@@ -54,6 +54,7 @@ class Variable:
     """
 
     causality: ClassVar[str]
+    any_integer = False  # whether it takes the integer type of the port at the other end, as FMI 2's one type does
 
     def __init__(
         self, *shape: int | str, unit: Unit = None, description: str = "", dtype: Any = float, start: Any = None
@@ -225,7 +226,7 @@ class Declaration:
 
     def evaluated(self, starts: bool) -> tuple[Function, ...]:
         """The functions that give outputs and locals, at a communication point or (`starts`) at initialization."""
-        return (self.kind("initial") if starts else ()) or self.kind("outputs")
+        return self.kind("initial" if starts and self.foreign else "outputs")
 
     def writer(self, name: str, starts: bool = False) -> Function | None:
         """The function that computes an output or local, as of `evaluated`; None for a state."""

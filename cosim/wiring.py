@@ -33,6 +33,8 @@ from cosim.network import Axis, Network, Signal, Slave
 from cosim.source import Node
 from cosim.values import Value
 
+INTEGERS = (np.dtype(np.int32), np.dtype(np.int64))
+
 
 def wire(diagram: Diagram, problems: Problems | None = None) -> Network:
     """Resolve a diagram; `problems` may already hold mistakes. Raises: DiagramErrors with all of them."""
@@ -79,6 +81,7 @@ class _Wiring:
         for slave in self.slaves.values():
             self.problems.attempt(self._names, slave)
             self.problems.attempt(self._wires, slave)
+        self._agree_on_integers()
         dimensions.solve(self.slaves, self.values, self.diagram.fleets, self.problems)
         if not self.problems.errors:
             self.problems.attempt(order.initial_order, Network(self.diagram, self.slaves))
@@ -213,6 +216,18 @@ class _Wiring:
             message = f"block {slave.name}: `{node.value}` comes from a measuring block"
             raise NotWirable(message, node.position, "only recordings and measuring blocks may read a measure")
         return Signal(name, port)
+
+    def _agree_on_integers(self) -> None:
+        """Ports that take any integer take the type that comes or is wanted."""
+        for slave in self.slaves.values():
+            for port, sources in slave.wires.items():
+                here = slave.declaration.variables[port]
+                for source in (s for s in sources if s.variable):
+                    there = self.slaves[source.slave].declaration.variables[source.variable]
+                    if here.any_integer and there.dtype in INTEGERS:
+                        here.dtype = there.dtype
+                    elif there.any_integer and here.dtype in INTEGERS:
+                        there.dtype = here.dtype
 
     # ---- values ----
 

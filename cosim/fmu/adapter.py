@@ -72,7 +72,7 @@ FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SE
 # One variable: the getter or setter, its value references, how many values, and where they are.
 ROW_WORDS = 10
 FUNCTION, REFERENCES, N_REFERENCES, N_VALUES, SLOT, CODE, STAGING, SHADOW, BYTES = range(9)
-PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two are FMI 2's types, converted through STAGING
+PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed in STAGING
 
 MOST_ITERATIONS = 1000
 _EXPONENT64 = 0x7FF0000000000000

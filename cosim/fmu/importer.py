@@ -232,6 +232,7 @@ def _variable(name: str, port: Port, is_state: bool) -> Variable:
         kind = Output if port.causality == "output" else Local
         variable = kind(*port.shape, start=port.start() if port.can_start else None, **more)
     variable.name = name
+    variable.any_integer = port.code == adapter.INTEGER32
     return variable
 
 

@@ -99,6 +99,7 @@ class Instances:
         self._began = False
         self._keep: list[Any] = []
         self._rows: dict[int, str] = {}
+        self._shadows: dict[str, np.ndarray] = {}
         self._claim()
         try:
             for k in range(slave.count):
@@ -287,20 +288,22 @@ class Instances:
             self._keep.append(references)
             row[adapter.FUNCTION] = self.library.address(access + port.accessor)
             row[adapter.REFERENCES], row[adapter.N_REFERENCES] = references.ctypes.data, len(references)
+            dtype = self.slave.declaration.variables[name].dtype
             row[adapter.N_VALUES], row[adapter.SLOT], row[adapter.CODE] = port.size, slots[name], port.code
-            row[adapter.BYTES] = port.size * port.dtype.itemsize
+            if port.code == adapter.INTEGER32 and dtype.itemsize == 4:
+                row[adapter.CODE] = adapter.PLAIN
+            row[adapter.BYTES] = port.size * dtype.itemsize
             row[adapter.STAGING] = self._array(port.size).ctypes.data
             if access == "Set" and port.is_discrete and self.fmu.kind == adapter.MODEL_EXCHANGE:
-                row[adapter.SHADOW] = self._shadow(name, port)
+                row[adapter.SHADOW] = self._shadow(name, int(row[adapter.BYTES]))
             self._rows[row.ctypes.data] = name
         return rows.ctypes.data
 
-    def _shadow(self, name: str, port: Port) -> int:
+    def _shadow(self, name: str, size: int) -> int:
         """Where the value of a discrete input is kept that the FMU has now; one for all calls."""
-        shadows: dict[str, np.ndarray] = self.__dict__.setdefault("_shadows", {})
-        if name not in shadows:
-            shadows[name] = self._array(-(-self.slave.count * port.size * port.dtype.itemsize // 8))
-        return shadows[name].ctypes.data
+        if name not in self._shadows:
+            self._shadows[name] = self._array(-(-self.slave.count * size // 8))
+        return self._shadows[name].ctypes.data
 
     # ---- failing and closing ----
 

@@ -18,8 +18,8 @@ from cosim.fmu import adapter
 #: FMI type -> (our data type, how values travel, the word in the names of getter and setter)
 FMI2_TYPES: dict[str, tuple[Any, int, str]] = {
     "Real": (np.float64, adapter.FLOAT64, "Real"),
-    "Integer": (np.int64, adapter.INTEGER32, "Integer"),
-    "Enumeration": (np.int64, adapter.INTEGER32, "Integer"),
+    "Integer": (np.int32, adapter.INTEGER32, "Integer"),
+    "Enumeration": (np.int32, adapter.INTEGER32, "Integer"),
     "Boolean": (np.bool_, adapter.BOOLEAN32, "Boolean"),
     "String": (object, adapter.PLAIN, "String"),
 }
