@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -12,8 +11,7 @@ import numpy as np
 
 from cosim import units
 from cosim.errors import WrongUnit
-from cosim.fmu.model import Model, Variable
-from cosim.network import Signal
+from cosim.fmu.model import Knowns, Model, Variable
 
 TOOL = "cosim"
 #: The phases of wrapper/instance.h.
@@ -82,7 +80,7 @@ class _Writer:
     @property
     def variable_steps(self) -> str:
         """Sampled blocks count inner steps, so that each has to be as long as the others."""
-        return "false" if self.model.periods else "true"
+        return _truth(not self.model.periods)
 
     def experiment(self, root: Element) -> None:
         categories = SubElement(root, "LogCategories")
@@ -124,10 +122,14 @@ class _Writer:
         computed = [v for v in self.model.variables if v.initial in ("approx", "calculated")]
         return [v for v in computed if v.causality in ("output", "calculatedParameter") or v.signal in states]
 
-    def known(self, signals: Iterable[Signal]) -> list[Variable]:
+    def known(self, knowns: Knowns) -> list[Variable]:
         """The variables of knowns, in their order."""
-        wanted = set(signals)
-        return [v for v in self.model.variables if v.signal in wanted and not v.state]
+        return [v for v in self.model.variables if v.signal in knowns and not v.state]
+
+    @property
+    def step_events(self) -> bool:
+        """Whether outputs that are no reals may change while an importer integrates, which makes an event."""
+        return any(v.kind == "DISCRETE_OUTPUT" for v in self.model.variables)
 
 
 class _Fmi2(_Writer):
@@ -157,7 +159,7 @@ class _Fmi2(_Writer):
             "canGetAndSetFMUstate": "true",
             "canSerializeFMUstate": "true",
         }
-        SubElement(root, "ModelExchange", common, completedIntegratorStepNotNeeded="true")
+        SubElement(root, "ModelExchange", common, completedIntegratorStepNotNeeded=_truth(not self.step_events))
         SubElement(root, "CoSimulation", common, canHandleVariableCommunicationStepSize=self.variable_steps)
         self.units(root)
         self.experiment(root)
@@ -210,14 +212,20 @@ class _Fmi2(_Writer):
             parent = SubElement(structure, tag)
             for variable in chosen:
                 knowns = variable.initial_knowns if initial else variable.knowns
-                dependencies = " ".join(str(n) for k in self.known(knowns) for n in self._indices(k))
-                for index in self._indices(variable):
-                    SubElement(parent, "Unknown", index=str(index), dependencies=dependencies)
+                known = self.known(knowns)
+                for member in range(variable.shape[0]) if variable.mapped else (None,):
+                    members = [self._indices(k, member if knowns[k.signal] and k.mapped else None) for k in known]
+                    dependencies = " ".join(str(index) for indices in members for index in indices)
+                    for index in self._indices(variable, member):
+                        SubElement(parent, "Unknown", index=str(index), dependencies=dependencies)
 
-    def _indices(self, variable: Variable) -> Iterator[int]:
-        """The places of a variable's elements among the model's variables, from 1."""
-        first = self.first[self.place[variable]]
-        return iter(range(first + 1, first + 1 + variable.size))
+    def _indices(self, variable: Variable, member: int | None) -> range:
+        """The places of a variable's elements (of one member of a fleet) among the model's variables, from 1."""
+        first = self.first[self.place[variable]] + 1
+        if member is None:
+            return range(first, first + variable.size)
+        size = variable.size // variable.shape[0]
+        return range(first + member * size, first + (member + 1) * size)
 
 
 class _Fmi3(_Writer):
@@ -233,7 +241,7 @@ class _Fmi3(_Writer):
             variableNamingConvention="structured",
         )
         common = self.capabilities() | {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
-        SubElement(root, "ModelExchange", common)
+        SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=_truth(self.step_events))
         SubElement(
             root,
             "CoSimulation",
@@ -292,9 +300,13 @@ class _Fmi3(_Writer):
         return str(self.place[variable])
 
 
+def _truth(value: bool) -> str:
+    return "true" if value else "false"
+
+
 def _text(value: np.generic) -> str:
     if value.dtype.kind == "b":
-        return "true" if value else "false"
+        return _truth(bool(value))
     return _real(float(value)) if value.dtype.kind == "f" else str(int(value))
 
 

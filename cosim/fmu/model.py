@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from cosim import engine, order, table
-from cosim.block import CalculatedParameter, Input, Parameter, State, Unit
+from cosim.block import CalculatedParameter, Input, Output, Parameter, State, Unit
 from cosim.block import Variable as Declared
 from cosim.errors import CosimError
 from cosim.fmu.subnetwork import SubNetwork
@@ -19,7 +19,9 @@ from cosim.simulation import Simulation
 from cosim.table import Place, Table
 
 Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED"]
-Kind = Literal["TIME", "PARAMETER", "CONTINUOUS_STATE", "OTHER"]
+Kind = Literal["TIME", "PARAMETER", "CONTINUOUS_STATE", "DISCRETE_OUTPUT", "OTHER"]
+#: What something depends on; True: a member of a fleet depends on what belongs to the same member only.
+Knowns = dict[Signal, bool]
 
 TYPES = {
     **{"float64": "Float64", "float32": "Float32", "bool": "Boolean"},
@@ -35,7 +37,7 @@ class Variable:
 
     start: None where it is computed. offset: of its first element in the arena. need: what has to be computed before
     it can be read. state: for a derivative, the state's signal. knowns: what it depends on in the course of a run,
-    and at the initialization; "" is time.
+    and at the initialization.
     """
 
     name: str
@@ -53,8 +55,8 @@ class Variable:
     kind: Kind = "OTHER"
     state: Signal | None = None
     mapped: bool = False
-    knowns: frozenset[Signal] = frozenset()
-    initial_knowns: frozenset[Signal] = frozenset()
+    knowns: Knowns = field(default_factory=dict)
+    initial_knowns: Knowns = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -127,8 +129,8 @@ class _Describer:
     def __init__(self, model: Model, initialized: np.ndarray) -> None:
         self.model = model
         self.initialized = initialized
-        self.knowns = _Knowns(model, starts=False)
-        self.initial_knowns = _Knowns(model, starts=True)
+        self.knowns = _Dependencies(model, starts=False)
+        self.initial_knowns = _Dependencies(model, starts=True)
 
     def variables(self) -> Iterable[Variable]:
         """Time, then the variables of each slave, each continuous state followed by its derivative."""
@@ -176,10 +178,17 @@ class _Describer:
             description=declared.description,
             need=need,
             mapped=place.stride > 0,
-            kind="CONTINUOUS_STATE" if continuous else "PARAMETER" if isinstance(declared, Parameter) else "OTHER",
+            kind=self._kind(slave, declared),
             knowns=self.knowns.of(signal),
             initial_knowns=self.initial_knowns.of(signal),
         )
+
+    def _kind(self, slave: Slave, declared: Declared) -> Kind:
+        if declared in slave.declaration.continuous():
+            return "CONTINUOUS_STATE"
+        if isinstance(declared, Output) and declared.dtype.kind != "f" and not order.is_sampled(slave):
+            return "DISCRETE_OUTPUT"
+        return "PARAMETER" if isinstance(declared, Parameter) else "OTHER"
 
     def _start(self, place: Place, shape: tuple[int, ...], computed: bool) -> np.ndarray:
         arena = self.initialized if computed else self.model.table.arena
@@ -227,48 +236,63 @@ def _per_second(unit: Unit) -> Unit:
     return f"{unit}/s"
 
 
-class _Knowns:
+class _Dependencies:
     """Which inputs, states (and, at the initialization, parameters) a signal depends on, through all functions."""
 
     def __init__(self, model: Model, starts: bool) -> None:
         self.network = model.network
         self.started = model.started
         self.starts = starts
-        self.found: dict[Signal, frozenset[Signal]] = {}
+        self.found: dict[Signal, Knowns] = {}
 
-    def of(self, signal: Signal) -> frozenset[Signal]:
+    def of(self, signal: Signal) -> Knowns:
         """The knowns of a variable of a slave."""
         if signal not in self.found:
             self.found[signal] = self._search(signal)
         return self.found[signal]
 
-    def of_reads(self, slave: Slave, names: Iterable[str]) -> frozenset[Signal]:
+    def of_reads(self, slave: Slave, names: Iterable[str]) -> Knowns:
         """The knowns of what a function computes from the variables that it names."""
-        return frozenset().union(*(frozenset({TIME}) if n == "time" else self.of(Signal(slave.name, n)) for n in names))
+        return _merged({TIME: True} if name == "time" else self.of(Signal(slave.name, name)) for name in names)
 
-    def _search(self, signal: Signal) -> frozenset[Signal]:
+    def _search(self, signal: Signal) -> Knowns:
         slave = self.network.slaves[signal.slave]
         declared = slave.declaration.variables[signal.variable]
         if signal.variable in slave.wires:
-            return frozenset().union(*(self.of(source) for source in slave.wires[signal.variable]))
+            return self._of_wire(slave, signal.variable)
         if isinstance(declared, Input):
-            return frozenset({signal})
+            return {signal: True}
         if isinstance(declared, State):
             return self._of_state(slave, declared, signal)
         if isinstance(declared, Parameter):
-            return frozenset({signal}) if self.starts else frozenset()
-        if isinstance(declared, CalculatedParameter) and not self.starts:
-            return frozenset()
-        kind = "calculate" if isinstance(declared, CalculatedParameter) else "outputs"
-        writers = [f for f in slave.declaration.kind(kind) if signal.variable in f.writes]
-        return frozenset().union(*(self.of_reads(slave, f.reads) for f in writers))
+            return {signal: True} if self.starts else {}
+        if isinstance(declared, CalculatedParameter):
+            return self._of_writers(slave, "calculate", signal) if self.starts else {}
+        return self._of_writers(slave, "outputs", signal)
 
-    def _of_state(self, slave: Slave, declared: State, signal: Signal) -> frozenset[Signal]:
+    def _of_writers(self, slave: Slave, kind: str, signal: Signal) -> Knowns:
+        writers = [f for f in slave.declaration.kind(kind) if signal.variable in f.writes]
+        return _merged(self.of_reads(slave, f.reads) for f in writers)
+
+    def _of_wire(self, slave: Slave, port: str) -> Knowns:
+        sources = slave.wires[port]
+        found = _merged(self.of(source) for source in sources)
+        same = slave.fleet is not None and self.network.slaves[sources[0].slave].fleet == slave.fleet
+        return found if same and not order.is_joined(slave, port) else dict.fromkeys(found, False)
+
+    def _of_state(self, slave: Slave, declared: State, signal: Signal) -> Knowns:
         if self.starts and not self.started.get(signal, True):
-            starters = [f for f in slave.declaration.kind("start") if signal.variable in f.writes]
-            return frozenset().union(*(self.of_reads(slave, f.reads) for f in starters))
+            return self._of_writers(slave, "start", signal)
         visible = self.starts or declared in slave.declaration.continuous()
-        return frozenset({signal}) if visible else frozenset()
+        return {signal: True} if visible else {}
+
+
+def _merged(parts: Iterable[Knowns]) -> Knowns:
+    merged: Knowns = {}
+    for part in parts:
+        for signal, same_member in part.items():
+            merged[signal] = merged.get(signal, True) and same_member
+    return merged
 
 
 # ---- operations -------------------------------------------------------------------------------------------------

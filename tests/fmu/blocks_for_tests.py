@@ -95,6 +95,16 @@ class Mean(Block):
             mean[q] = total / x.shape[0]
 
 
+class Range(Block):
+    """Says whether something is near, at once."""
+
+    x = Input(2, unit="m")
+    near = Output(dtype=bool)
+
+    def outputs(x, near):
+        near[0] = math.sqrt(x[0] * x[0] + x[1] * x[1]) < 2.0
+
+
 class Types(Block):
     """Every data type passes through."""
 

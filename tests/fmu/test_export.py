@@ -34,6 +34,7 @@ blocks:
   filter: {{type: Filter, per: robot, inputs: {{u: robot.x}}}}
   counter: {{type: Counter, per: robot, period: 0.03, inputs: {{u: filter.y}}}}
   mean: {{type: Mean, inputs: {{x: robot.x}}}}
+  range: {{type: Range, per: robot, inputs: {{x: robot.x}}}}
 """
 VERSIONS = ("2.0", "3.0")
 
@@ -88,7 +89,7 @@ def fmus(network, folder):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-@pytest.mark.parametrize("blocks", ["robot", "filter", "counter", "robot,filter", "robot,mean", ""])
+@pytest.mark.parametrize("blocks", ["robot", "filter", "counter", "robot,filter", "robot,filter,mean", "range", ""])
 def test_fmpy_finds_nothing_to_complain_of(fmus, blocks, version):
     assert validate_fmu(str(fmus(blocks, version))) == []
 
@@ -175,7 +176,7 @@ def test_several_blocks_keep_their_wires(fmus, truth, version):
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_blocks_of_different_fleets_are_exported_over_the_whole_fleet(fmus, truth, version):
-    host = Host(fmus("robot,mean", version))
+    host = Host(fmus("robot,filter,mean", version))
     host.set("robot.u", truth["wave.y"][0])
     host.initialize()
     for k in range(STEPS):
@@ -250,4 +251,38 @@ def test_fmpy_simulates_both_kinds(fmus, network, version):
         # rk4 is exact to 1e-8 here; the filter is integrated by Euler with its input held, an error of order step.
         tolerance = 1e-6 if "robot" in name else 5 * STEP * 0.5
         np.testing.assert_allclose(np.array(me[name])[-1], np.array(cs[name])[-1], atol=tolerance)
+    host.free()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_fmpy_handles_the_sample_instants_of_model_exchange(fmus, version):
+    path = str(fmus("counter", version))
+    result = simulate_fmu(path, fmi_type="ModelExchange", stop_time=1.0, output=["count"], output_interval=0.1)
+    # Counted at 0, 0.03, …, seen one period later: at 1.0 s, 33 instants after the first have passed.
+    assert result["count"][-1] == 33
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_discrete_output_that_changes_asks_for_event_mode(fmus, version):
+    host = Host(fmus("range", version), me=True).initialize(x=[0.0, 0.0])
+    host.new_discrete_states()
+    host.fmu.enterContinuousTimeMode()
+    assert host.get("near") == 1
+    assert host.fmu.completedIntegratorStep() == (False, False)
+    host.set("x", [3.0, 0.0])
+    assert host.fmu.completedIntegratorStep() == (True, False)
+    host.fmu.enterEventMode()
+    assert host.get("near") == 0
+    host.new_discrete_states()
+    host.fmu.enterContinuousTimeMode()
+    assert host.fmu.completedIntegratorStep() == (False, False)
+    host.free()
+
+
+def test_members_of_a_fleet_depend_on_themselves_only(fmus):
+    host = Host(fmus("robot,filter,mean", "2.0"))
+    found = {u.variable.name: {d.name for d in u.dependencies} for u in host.description.outputs}
+    assert found["filter.slow[2,1]"] == {"filter.z[2,1]", "filter.z[2,2]"}
+    assert found["filter.y[3,1]"] == {f"{s}[3,{q}]" for s in ("robot.x", "filter.z") for q in (1, 2)}
+    assert found["mean.mean[1]"] == {f"robot.x[{i},{q}]" for i in (1, 2, 3) for q in (1, 2)}
     host.free()

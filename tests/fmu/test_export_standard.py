@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -363,11 +364,16 @@ def test_what_cannot_be_exported_is_named(network, folder):
         export(network, ["plain"], folder / "no.fmu")
     with pytest.raises(UnknownBlock, match="no block `robt`"):
         export(network, ["robt"], folder / "no.fmu")
-    with pytest.raises(NotExportable, match="FMI 1.0"):
+    with pytest.raises(NotExportable, match="FMI 1"):
         export(network, ["robot"], folder / "no.fmu", "1.0")
     with pytest.raises(NotExportable, match="no platform `linux`"):
         export(network, ["robot"], folder / "no.fmu", platforms=["linux"])
     assert not (folder / "no.fmu").exists()
+
+
+def test_only_members_of_the_fleet_can_be_exported(formation, folder):
+    with pytest.raises(WrongValue, match="there is no robot 7 in a fleet of 6"):
+        export(formation, ["plant"], folder / "no.fmu", member=7)
 
 
 def test_a_missing_compiler_says_what_to_install(network, folder, monkeypatch):
@@ -376,6 +382,25 @@ def test_a_missing_compiler_says_what_to_install(network, folder, monkeypatch):
     with pytest.raises(CompilerMissing, match="no C compiler") as caught:
         build.compiler(build.host())
     assert "install gcc" in caught.value.fix and "ziglang" in caught.value.fix
+
+
+MAGIC = {"linux": b"\x7fELF", "windows": b"MZ", "darwin": b"\xcf\xfa\xed\xfe"}
+
+
+@pytest.mark.parametrize("name", ["linux-aarch64", "windows-x86_64"])
+def test_other_platforms_are_built_with_zig(network, folder, name):
+    pytest.importorskip("ziglang")
+    path = export(network, ["picky"], folder / f"{name}.fmu", "3.0", platforms=[name, build.host().name])
+    platform = build.PLATFORMS[name]
+    with zipfile.ZipFile(path) as archive:
+        library = archive.read(f"binaries/{platform.fmi3}/{path.stem.replace('-', '_')}{platform.suffix}")
+        assert len(archive.namelist()) == 3
+    assert library.startswith(MAGIC[platform.system])
+
+
+def test_the_same_blocks_give_the_same_file(network, folder):
+    one, two = (export(network, ["robot"], folder / n / "robot.fmu").read_bytes() for n in ("one", "two"))
+    assert one == two
 
 
 # ---- without Python ---------------------------------------------------------------------------------------------

@@ -214,15 +214,32 @@ Status enter_event_mode(Instance *i) {
     return tell(i, OK, LOG_EVENTS, "sampled at t = %g s", due);
 }
 
+static uint64_t hash_discrete(Instance *i) {
+    uint64_t hash = HASH_BEGIN;
+    for (uint32_t v = 0; v < model.n_variables; v++) {
+        const Variable *variable = &model.variables[v];
+        if (variable->kind != DISCRETE_OUTPUT) continue;
+        hash = hash_bytes(hash, address(i, variable, 0), variable->count * size_of(variable->type));
+    }
+    return hash;
+}
+
 Status leave_event_mode(Instance *i, Phase next) {
-    Status status = OK;
-    if (i->at.sampling) {
+    Status status = i->interface == MODEL_EXCHANGE ? provide(i, EVALUATED) : OK;
+    if (status < ERROR && i->at.sampling) {
         /* The inputs have settled: now the sampled states' next values, which the next instant publishes. */
-        status = provide(i, EVALUATED);
-        if (status < ERROR) status = worse(status, run(i, model.update, 0));
+        status = worse(status, run(i, model.update, 0));
         i->at.sampling = 0;
     }
-    if (status < ERROR) i->at.phase = next;
+    if (status >= ERROR) return status;
+    i->at.discrete = hash_discrete(i);
+    i->at.phase = next;
+    return status;
+}
+
+Status complete_step(Instance *i, bool *event) {
+    const Status status = provide(i, EVALUATED);
+    *event = status < ERROR && hash_discrete(i) != i->at.discrete;
     return status;
 }
 

@@ -315,8 +315,11 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_set_before, fmi2Boolean *enter_event_mode,
                                        fmi2Boolean *terminate) {
     ALLOW_IN(MODEL_EXCHANGE, CONTINUOUS_TIME);
-    *enter_event_mode = *terminate = fmi2False;
-    return fmi2OK;
+    bool event;
+    const Status status = complete_step(i, &event);
+    *enter_event_mode = event ? fmi2True : fmi2False;
+    *terminate = fmi2False;
+    return (fmi2Status)status;
 }
 
 fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {

@@ -348,8 +348,8 @@ enum { SOLVABLE = INITIALIZATION | EVENT | CONTINUOUS_TIME | TERMINATED | FAILED
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean no_set_before, fmi3Boolean *enter_event_mode,
                                        fmi3Boolean *terminate) {
     ALLOW_IN(MODEL_EXCHANGE, CONTINUOUS_TIME);
-    *enter_event_mode = *terminate = fmi3False;
-    return fmi3OK;
+    *terminate = fmi3False;
+    return (fmi3Status)complete_step(i, enter_event_mode);
 }
 
 fmi3Status fmi3SetTime(fmi3Instance c, fmi3Float64 time) {

@@ -128,6 +128,11 @@ size_t size_of(Type type) {
     }
 }
 
+uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size) {
+    for (const uint8_t *b = bytes; size > 0; size--) hash = (hash ^ *b++) * 1099511628211u;
+    return hash;
+}
+
 uint8_t *address(Instance *i, const Variable *v, uint32_t element) {
     if (v->kind == TIME) return (uint8_t *)&i->at.time;
     return i->arena + v->offset + element * size_of(v->type);

@@ -49,6 +49,7 @@ typedef struct {
     int64_t origin_step;
     int64_t k;           /* the inner step, or the last sample instant in Model Exchange */
     int64_t next;        /* Model Exchange: the next sample instant */
+    uint64_t discrete;   /* Model Exchange: a hash of the discrete outputs when Event Mode was left */
 } Progress;
 
 typedef struct Instance Instance;
@@ -84,6 +85,9 @@ Status refresh(Instance *, const Variable *);
 Status settable(Instance *, const char *function, const Variable *);
 /* What follows from having set `count` elements of a variable. */
 void was_set(Instance *, const Variable *, uint32_t element, uint32_t count);
+/* FNV-1a. */
+#define HASH_BEGIN 14695981039346656037u
+uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size);
 uint8_t *address(Instance *, const Variable *, uint32_t element);
 size_t size_of(Type);
 
@@ -92,6 +96,8 @@ Status exit_initialization(Instance *, Phase next);
 Status do_step(Instance *, double time, double size);
 Status enter_event_mode(Instance *);
 Status leave_event_mode(Instance *, Phase next);
+/* Model Exchange: whether discrete outputs have changed since, so that Event Mode has to be entered. */
+Status complete_step(Instance *, bool *event);
 /* Model Exchange: the time of the next sample instant; false if there is none. */
 bool next_event(Instance *, double *time);
 void set_time(Instance *, double time);

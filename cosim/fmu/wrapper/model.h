@@ -31,7 +31,8 @@ typedef struct {
     uint8_t kind; /* a Kind */
 } Variable;
 
-typedef enum { TIME, PARAMETER, CONTINUOUS_STATE, OTHER } Kind;
+/* DISCRETE_OUTPUT: one that is no real, and changes whenever what it is computed from does. */
+typedef enum { TIME, PARAMETER, CONTINUOUS_STATE, DISCRETE_OUTPUT, OTHER } Kind;
 
 /* FMI 2: one element of a variable. */
 typedef struct {

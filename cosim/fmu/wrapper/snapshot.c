@@ -15,8 +15,7 @@ static Header header(const Instance *i) {
     Header h;
     memset(&h, 0, sizeof h);
     memcpy(h.magic, "cosimFMU", sizeof h.magic);
-    h.model = 14695981039346656037u; /* FNV-1a */
-    for (const char *c = model.token; *c; c++) h.model = (h.model ^ (uint8_t)*c) * 1099511628211u;
+    h.model = hash_bytes(HASH_BEGIN, model.token, strlen(model.token));
     h.bytes = snapshot_size();
     h.interface = i->interface;
     h.events = i->events;
