@@ -45,6 +45,7 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
     flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
+    flags.noalias = True
     with global_compiler_lock, helpers.unoptimised():
         target = helpers.target()
         library = target.target_context.codegen().create_library(name)

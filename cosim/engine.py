@@ -145,11 +145,10 @@ def advance(c: Any, base: int, k: int, time: float, step: float) -> int:
 def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -> int:
     """Integrate one bank over one communication step with its own method and number of inner steps."""
     b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
-    begin, end, inner_steps = b[BEGIN], b[END], b[INNER_STEPS]
-    n = c[STATES]
-    x = reals_at(base + c[X], n)
-    w = x if b[IN_PLACE] != 0 else reals_at(base + c[W], n)
-    d = reals_at(base + c[D], n)
+    inner_steps = b[INNER_STEPS]
+    x = part(c, base, b, X)
+    w = x if b[IN_PLACE] != 0 else part(c, base, b, W)
+    d = part(c, base, b, D)
     h = step / inner_steps
     for s in range(inner_steps):
         time = begun + s * h
@@ -161,8 +160,7 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
             return status
         origin = x if s == 0 else w
         if b[METHOD] == EULER:
-            for j in range(begin, end):
-                w[j] = origin[j] + h * d[j]
+            move(origin, h, d, w)
         else:
             status = finish_rk4(c, base, b, origin, w, d, k, time, h)
             if status > WARNING:
@@ -170,27 +168,32 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
     return OK
 
 
+def part(c: Any, base: int, b: Any, vector: int) -> Any:
+    """A bank's part of one of the vectors X, W, START, SUM, D."""
+    return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
+
+
+def move(origin: Any, h: float, d: Any, w: Any) -> None:
+    """w = origin + h d, element by element; w may be origin."""
+    for j in range(w.size):
+        w[j] = origin[j] + h * d[j]
+
+
 def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
     """The classical Runge-Kutta step whose first stage's derivatives are already in `d`."""
-    n = c[STATES]
-    start, total = reals_at(base + c[START], n), reals_at(base + c[SUM], n)
-    begin, end = b[BEGIN], b[END]
-    for j in range(begin, end):
+    start, total = part(c, base, b, START), part(c, base, b, SUM)
+    for j in range(w.size):
         start[j] = origin[j]
         total[j] = d[j]
-        w[j] = start[j] + 0.5 * h * d[j]
+    move(start, 0.5 * h, d, w)
     for stage in range(1, 4):
         offset = h if stage == 3 else 0.5 * h
         status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, 0.0)
         if status > WARNING:
             return status
-        weight = 1.0 if stage == 3 else 2.0
-        ahead = h if stage == 2 else 0.5 * h
-        for j in range(begin, end):
-            total[j] += weight * d[j]
-            w[j] = start[j] + ahead * d[j]
-    for j in range(begin, end):
-        w[j] = start[j] + h / 6.0 * total[j]
+        move(total, 1.0 if stage == 3 else 2.0, d, total)
+        move(start, h if stage == 2 else 0.5 * h, d, w)
+    move(start, h / 6.0, total, w)
     return OK
 
 
@@ -218,10 +221,10 @@ def is_finite(c: Any, base: int) -> bool:
     """Whether all published states are finite; else ELEMENT names the first that is not."""
     n = c[STATES]
     bits = words_at(base + c[X], n)
-    bad = 0
+    below = -1  # its sign stays as long as every exponent is below that of infinity and NaN
     for j in range(n):
-        bad |= (bits[j] & _EXPONENT) == _EXPONENT
-    if bad == 0:
+        below &= (bits[j] & _EXPONENT) - _EXPONENT
+    if below < 0:
         return True
     for j in range(n):
         if (bits[j] & _EXPONENT) == _EXPONENT:
