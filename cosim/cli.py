@@ -16,6 +16,7 @@ COMMANDS = {
     "check": "validate a diagram without running it",
     "blocks": "list the blocks, or show one",
     "export": "write blocks of a diagram as an FMU",
+    "fmu": "show what an FMU file is",
     "study": "run many variants, grid points and random draws of a diagram",
     "report": "run studies, and write one HTML file with their tables and pictures",
     "plot": "draw recorded signals, or animate a run",

@@ -149,9 +149,9 @@ def _renamed(ports: dict[str, Port], entry: BlockEntry) -> dict[str, Port]:
 def _read_structure(fmu: Fmu) -> None:
     """Which inputs each output depends on, and where the states are. Raises: FmuError."""
     description = fmu.description
-    owner = {id(m): (name, k) for name, port in fmu.ports.items() for k, m in enumerate(port.members)}
-    fmu.inputs_of = _dependencies(fmu, owner, description.outputs)
-    fmu.initial_inputs_of = _dependencies(fmu, owner, description.initialUnknowns)
+    owner = _owners(fmu)
+    fmu.inputs_of = dependencies(fmu, description.outputs)
+    fmu.initial_inputs_of = dependencies(fmu, description.initialUnknowns)
     if fmu.kind != adapter.MODEL_EXCHANGE:
         return
     for unknown in description.derivatives:
@@ -166,8 +166,14 @@ def _read_structure(fmu: Fmu) -> None:
             raise FmuError(f"only some elements of `{name}` are states")
 
 
-def _dependencies(fmu: Fmu, owner: dict[int, tuple[str, int]], unknowns: Any) -> dict[str, frozenset[str] | None]:
+def _owners(fmu: Fmu) -> dict[int, tuple[str, int]]:
+    """The port and the element that each of the FMU's variables is, by the variable's identity."""
+    return {id(m): (name, k) for name, port in fmu.ports.items() for k, m in enumerate(port.members)}
+
+
+def dependencies(fmu: Fmu, unknowns: Any) -> dict[str, frozenset[str] | None]:
     """For each port the input ports that it depends on; None where the description does not say."""
+    owner = _owners(fmu)
     inputs = {name for name, port in fmu.ports.items() if port.causality == "input"}
     found: dict[str, frozenset[str] | None] = {}
     for unknown in unknowns:
