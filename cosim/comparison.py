@@ -16,7 +16,6 @@ import numpy as np
 from cosim.errors import ResultError
 from cosim.results import Result
 
-ROWS = 4096
 TIME_TOLERANCE = 1e-9
 
 
@@ -79,9 +78,7 @@ def _common(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _compare_signal(
     result: Comparison, name: str, a: np.ndarray, b: np.ndarray, times: np.ndarray, tolerance: float
 ) -> None:
-    same = a.view(np.uint8).reshape(*a.shape, -1) == b.view(np.uint8).reshape(*b.shape, -1) if a.size else np.ones(0)
-    bits = np.asarray(same).all(axis=-1) if a.size else np.ones(a.shape, bool)
-    first = _first(name, ~bits, a, b, times)
+    first = _first(name, _bits(a) != _bits(b), a, b, times)
     if first and (result.parted is None or first.time < result.parted.time):
         result.parted = first
     if a.dtype.kind != "f":
@@ -98,6 +95,11 @@ def _compare_signal(
     first = _first(name, far, a, b, times)
     if first and (result.beyond is None or first.time < result.beyond.time):
         result.beyond = first
+
+
+def _bits(values: np.ndarray) -> np.ndarray:
+    """The same bits as whole numbers, for which 0.0 and -0.0 are two, and NaN is itself."""
+    return np.ascontiguousarray(values).view(f"u{values.dtype.itemsize}")
 
 
 def _first(name: str, different: np.ndarray, a: np.ndarray, b: np.ndarray, times: np.ndarray) -> Parting | None:

@@ -6,8 +6,12 @@ import argparse
 import json
 from pathlib import Path
 
-from cosim import comparison, terminal
+from cosim import comparison
+from cosim.comparison import Comparison
 from cosim.metrics import for_json
+from cosim.study import display
+from cosim.study.tables import Table
+from cosim.terminal import format_change, format_value
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,9 +35,19 @@ def run(options: argparse.Namespace) -> int:
         }
         print(json.dumps(for_json(content), ensure_ascii=False))
         return 0
-    first, second = result.metrics
-    terminal.metrics_table(second, first)
+    display.show(_metrics(result))
     print()
     for line in comparison.lines(result, options.tolerance):
         print(line)
     return 0
+
+
+def _metrics(result: Comparison) -> Table:
+    """The metrics of both, and what changed from the first to the second."""
+    first, second = result.metrics
+    rows = []
+    for name in dict.fromkeys((*first, *second)):
+        values = [format_value(metrics[name]) if name in metrics else "" for metrics in result.metrics]
+        change = format_change(second[name], first, name) if name in first and name in second else ""
+        rows.append([name, *values, change])
+    return Table("", ["metric", *(path.stem for path in result.paths), "change"], rows)

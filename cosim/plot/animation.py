@@ -75,6 +75,7 @@ class _Scene:
         margin = 0.3 + 2 * self.radii.max()
         self.low = np.nanmin(x[:, :, :2], axis=(0, 1)) - margin
         self.high = np.nanmax(x[:, :, :2], axis=(0, 1)) + margin
+        self.points = 0.93 * 72 * style.WIDTH / (self.high[0] - self.low[0])  # of print for a unit of length, about
 
     def _optional(self, result: Result, name: str) -> np.ndarray | None:
         return read(result, name)[1] if name in result.signals else None
@@ -99,7 +100,9 @@ class _Scene:
             axis.plot(*self.x[since : k + 1, i, :2].T, color=colour, linewidth=0.8, alpha=0.6)
             if self.references is not None:
                 axis.plot(*self.references[k, i, :2], "+", color=colour, markersize=5, markeredgewidth=0.8)
-            range_ = Circle(tuple(self.x[k, i, :2]), self.outer * self.radii[i], facecolor=colour, alpha=0.08, linewidth=0)
+            range_ = Circle(
+                tuple(self.x[k, i, :2]), self.outer * self.radii[i], facecolor=colour, alpha=0.08, linewidth=0
+            )
             axis.add_patch(range_)
         self._edges(axis, k)
         bodies(axis, self.x[k], self.radii)
@@ -115,5 +118,6 @@ class _Scene:
                 if j < 0 or weight < 1e-3:
                     continue
                 arrow = {"arrowstyle": "-|>", "color": "#404040", "linewidth": 0.8, "alpha": min(1.0, 0.25 + weight)}
-                arrow |= {"linestyle": "-" if weight >= 1.0 else "--", "shrinkA": 7, "shrinkB": 7, "mutation_scale": 7}
+                arrow |= {"linestyle": "-" if weight >= 1.0 else "--", "mutation_scale": 7}
+                arrow |= {"shrinkA": self.points * self.radii[j], "shrinkB": self.points * self.radii[i]}
                 axis.annotate("", self.x[k, i, :2], self.x[k, j, :2], arrowprops=arrow, zorder=2)

@@ -12,17 +12,18 @@ from cosim import grammar, source
 from cosim.errors import PlotError, Problems, WrongType
 from cosim.grammar import Reader
 from cosim.plot import lines, plane, style
+from cosim.plot.distribution import Distribution
 from cosim.plot.lines import Panel
 from cosim.plot.plane import Plane
 from cosim.results import Result
 from cosim.source import Node, describe
 
-KINDS = ("lines", "plane")
-FORMATS = ("png", "svg", "pdf")
+KINDS = ("lines", "plane", "distribution")
 _VALUE: dict[str, Any] = {}
 _FIGURE = dict.fromkeys(
     ("kind", "caption", "members", "columns", "height", "panels", "positions", "references", "radii", "at"), _VALUE
 )
+_FIGURE |= {**dict.fromkeys(("metric", "label", "limits"), _VALUE), "thresholds": {grammar.ANY: _VALUE}}
 _PANEL: dict[str, Any] = {
     **dict.fromkeys(("signals", "label", "title", "over", "over_label", "names", "log", "derivative"), _VALUE),
     **dict.fromkeys(("limits", "span"), _VALUE),
@@ -41,6 +42,7 @@ class Figure:
     height: float = 1.75
     panels: list[Panel] = field(default_factory=list)
     plane: Plane | None = None
+    distribution: Distribution | None = None
 
     def draw(self, files: Mapping[str, Path], output: Path) -> None:
         """Draw it from the members' result files. Raises: PlotError, ResultError."""
@@ -55,21 +57,7 @@ class Figure:
                 made = plane.draw(next(iter(runs.values())), self.plane)
             else:
                 made = lines.draw(runs, self.panels, self.columns, self.height)
-            save(made, output)
-
-
-def save(made: Any, output: Path) -> None:
-    """Write a figure as PNG, SVG or PDF, by the name's ending. Raises: PlotError."""
-    kind = output.suffix.lower().lstrip(".")
-    if kind not in FORMATS:
-        raise PlotError(f"`{output}`: pictures are {', '.join(FORMATS)}", fix="such as -o picture.svg")
-    output.parent.mkdir(parents=True, exist_ok=True)
-    about = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
-    try:
-        made.savefig(output, metadata=about)
-    except OSError as error:
-        message = f"cannot write {output}: {error.strerror or error}"
-        raise PlotError(message, fix="choose a folder that you may write to") from None
+            style.save(made, output)
 
 
 def read(figures: Mapping[str, Node], problems: Problems) -> list[Figure]:
@@ -98,12 +86,29 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
         }
         figure.plane = Plane(at=_numbers(entries.get("at"), f"{where}.at", reader), **{"positions": "", **texts})
         return figure
+    if kind == "distribution":
+        figure.distribution = _distribution(entries, where, reader)
+        return figure
     panels = entries["panels"].value if "panels" in entries else []
     if not isinstance(panels, list) or not panels:
         reader.wrong(node, f"`{where}` has no panels", "write panels: [{signals: [plant.x]}]", WrongType)
         return figure
     figure.panels = [_panel(f"{where}.panels[{k}]", panel, reader) for k, panel in enumerate(panels)]
     return figure
+
+
+def _distribution(entries: dict[str, Node], where: str, reader: Reader) -> Distribution:
+    metric, label = (reader.text(entries[k], f"{where}.{k}") if k in entries else "" for k in ("metric", "label"))
+    found = Distribution(metric, label)
+    pair = _numbers(entries.get("limits"), f"{where}.limits", reader)
+    found.limits = (pair[0], pair[1]) if len(pair) == 2 else None
+    found.thresholds = _thresholds(entries, where, reader)
+    return found
+
+
+def _thresholds(entries: dict[str, Node], where: str, reader: Reader) -> dict[str, float]:
+    named = entries["thresholds"].value if "thresholds" in entries else {}
+    return {name: reader.number(node, f"{where}.thresholds.{name}") for name, node in named.items()}
 
 
 def _panel(where: str, node: Node, reader: Reader) -> Panel:
@@ -120,9 +125,7 @@ def _panel(where: str, node: Node, reader: Reader) -> Panel:
         pair = _numbers(entries.get(key), f"{where}.{key}", reader)
         if len(pair) == 2:
             setattr(panel, key, tuple(pair))
-    if "thresholds" in entries:
-        lines_ = entries["thresholds"].value
-        panel.thresholds = {name: reader.number(n, f"{where}.thresholds.{name}") for name, n in lines_.items()}
+    panel.thresholds = _thresholds(entries, where, reader)
     return panel
 
 
@@ -163,5 +166,5 @@ def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[st
             raise PlotError(f"{paths[0]} holds no signals", fix="add `record:` to the diagram")
         panels = [Panel([name]) for name in chosen]
         stack.enter_context(style.style())
-        save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
+        style.save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
     return chosen

@@ -53,7 +53,9 @@ def draw(result: Result, plane: Plane) -> Any:
         bodies(axis, x[k], radius)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
         place = _below((x if wanted is None else wanted)[k, :, :2])
-        axis.text(*place, f"{result.times[k]:g} s", ha="center", va="center", style="italic", bbox=box, zorder=7)
+        axis.text(
+            place[0], place[1], f"{result.times[k]:g} s", ha="center", va="center", style="italic", bbox=box, zorder=7
+        )
     axis.set_aspect("equal", adjustable="datalim")
     axis.margins(0.04)
     axis.set_xlabel(f"$p_x$ ({plane.unit})")
@@ -70,7 +72,9 @@ def bodies(axis: Any, x: np.ndarray, radius: np.ndarray) -> list[Any]:
     made = []
     for i in range(len(x)):
         colour = style.COLOURS[i % len(style.COLOURS)]
-        disc = Circle(tuple(x[i, :2]), max(radius[i], 1e-9), facecolor="white", edgecolor=colour, linewidth=1.0, zorder=4)
+        disc = Circle(
+            tuple(x[i, :2]), max(radius[i], 1e-9), facecolor="white", edgecolor=colour, linewidth=1.0, zorder=4
+        )
         axis.add_patch(disc)
         made.append(disc)
         if x.shape[1] > 2:

@@ -38,7 +38,8 @@ def read(result: Result, text: str) -> tuple[Signal, np.ndarray]:
         if not inside:
             sizes = ", ".join(f"1–{n}" for n in values.shape[1:])
             raise PlotError(f"`{text}`: no such element", fix=f"its indices are {sizes or 'none'}")
-        values = values[(slice(None), *index)]
+        for i in index:
+            values = values[:, i]
     return signal, values
 
 

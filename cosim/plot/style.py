@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+from cosim.errors import PlotError
+
+FORMATS = ("png", "svg", "pdf")
 WIDTH = 7.16
 """Inches across two columns of a journal's page."""
 COLUMN = 3.5
 # Colours that colour-blind readers tell apart, from dark to light, so that grey print keeps them apart too.
 COLOURS = ("#000000", "#c1440e", "#4393d0", "#e0a100", "#6a4c93", "#5a9e6f", "#8c8c8c", "#d08fb0")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)))
-SETTINGS: dict[str, Any] = {
+SETTINGS: Any = {
     "font.family": "serif",
     "font.serif": ["STIXGeneral"],
     "mathtext.fontset": "stix",
@@ -51,8 +55,6 @@ def style() -> Iterator[Any]:
     try:
         import matplotlib
     except ImportError:
-        from cosim.errors import PlotError
-
         raise PlotError("matplotlib is not installed", fix='python -m pip install "cosim[plot]"') from None
     matplotlib.use("Agg")
     from matplotlib import pyplot
@@ -62,6 +64,20 @@ def style() -> Iterator[Any]:
             yield pyplot
         finally:
             pyplot.close("all")
+
+
+def save(made: Any, output: Path) -> None:
+    """Write a figure as PNG, SVG or PDF, by the name's ending. Raises: PlotError."""
+    kind = output.suffix.lower().lstrip(".")
+    if kind not in FORMATS:
+        raise PlotError(f"`{output}`: pictures are {', '.join(FORMATS)}", fix="such as -o picture.svg")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    about = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
+    try:
+        made.savefig(output, metadata=about)
+    except OSError as error:
+        message = f"cannot write {output}: {error.strerror or error}"
+        raise PlotError(message, fix="choose a folder that you may write to") from None
 
 
 def line(k: int) -> dict[str, Any]:

@@ -19,8 +19,10 @@ def show(table: Table, file: IO[str] | None = None) -> None:
 
     console = Console(file=file or sys.stdout, highlight=False, markup=False, emoji=False)
     plain = not console.encoding.startswith("utf")
-    made = RichTable(title=table.title, title_justify="left", box=None if plain else box.SIMPLE_HEAD, pad_edge=False)
-    labels = len(table.head) - len(table.values[0]) if table.values else len(table.head)
+    made = RichTable(
+        title=table.title or None, title_justify="left", box=None if plain else box.SIMPLE_HEAD, pad_edge=False
+    )
+    labels = len(table.head) - len(table.values[0]) if table.values else 1
     for k, name in enumerate(table.head):
         made.add_column(name, justify="left" if k < labels else "right", overflow="fold")
     for row in table.rows:

@@ -72,7 +72,7 @@ def _table(layout: TableLayout, study: Study, rows: list[Row]) -> Table:
     columns = layout.columns or _default(study, rows).columns
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(_label(study, row, dimension) for dimension in layout.rows), []).append(row)
+        groups.setdefault(tuple(label(study, row, dimension) for dimension in layout.rows), []).append(row)
     values = [[cell(column, group) for column in columns] for group in groups.values()]
     texts = [[_text(v, c) for v, c in zip(line, columns, strict=True)] for line in values]
     head = [*layout.rows, *(column.heading for column in columns)]
@@ -108,7 +108,8 @@ def satisfies(numbers: np.ndarray, above: float | None, below: float | None) -> 
     return result
 
 
-def _label(study: Study, row: Row, dimension: str) -> str:
+def label(study: Study, row: Row, dimension: str) -> str:
+    """Where a member stands on one of the study's dimensions, as text."""
     if dimension in ("variant", "draw"):
         return str(row[dimension])
     at = [axis.name for axis in study.grid].index(dimension)

@@ -1,0 +1,25 @@
+"""`cosim report`: run studies, and write one HTML file about them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from cosim.commands.study import study_arguments
+from cosim.report import document
+from cosim.study import command
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    study_arguments(parser)
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: results/<study>/report.html")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run what is not done, and write the report."""
+    studies = [command.run(path, options) for path in options.study]
+    default = options.results / (options.study[0].stem if len(studies) == 1 else "") / "report.html"
+    document.write(options.output or default, studies)
+    print(f"reported in {options.output or default}")
+    return 0

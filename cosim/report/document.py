@@ -1,0 +1,146 @@
+"""Assembles a report: sections of studies, each with tables, words, pictures, and what it was computed from."""
+
+from __future__ import annotations
+
+import base64
+import platform
+import tempfile
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from html import escape
+from importlib import resources
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from cosim.errors import Problems, ResultError
+from cosim.plot import distribution, figures
+from cosim.plot.figures import Figure
+from cosim.report import words
+from cosim.results import versions
+from cosim.study import tables
+from cosim.study.dataset import scalar
+from cosim.study.executors import processors
+from cosim.study.member import Row
+from cosim.study.model import Study
+from cosim.study.running import Results
+from cosim.study.tables import Table
+from cosim.terminal import format_duration, format_value
+
+
+def write(path: Path, studies: Sequence[Results]) -> None:
+    """Write the report of some studies that have been run. Raises: ResultError, PlotError, DiagramErrors."""
+    title = studies[0].study.title if len(studies) == 1 else "Report"
+    sections = [_section(results) for results in studies]
+    links = [f'<a href="#{_anchor(results)}">{escape(results.study.title)}</a>' for results in studies]
+    page = Template(resources.files("cosim.report").joinpath("template.html").read_text(encoding="utf-8"))
+    text = page.substitute(
+        title=escape(title),
+        facts=escape(_facts()),
+        contents="".join(links) if len(links) > 1 else "",
+        sections="\n".join(sections),
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ResultError(
+            f"cannot write {path}: {error.strerror}", fix="choose a folder that you may write to"
+        ) from None
+
+
+def _facts() -> str:
+    what = ", ".join(f"{name} {version}" for name, version in versions().items())
+    return f"{datetime.now():%Y-%m-%d %H:%M}; {what}; {processors()} × {platform.machine()}"
+
+
+def _anchor(results: Results) -> str:
+    return escape(results.study.path.stem)
+
+
+def _section(results: Results) -> str:
+    study, rows = results.study, list(results.rows())
+    parts = [f'<section id="{_anchor(results)}"><h2>{escape(study.title)}</h2>']
+    if study.description:
+        parts.append(f"<p>{escape(study.description)}</p>")
+    parts.append(_list(f"{v.name}: {v.description}" for v in study.variants.values() if v.description))
+    parts += [_table(table) for table in tables.tables(results)]
+    if study.references:
+        parts += ["<h3>Beside figures from elsewhere</h3>", _table(_beside(results, rows))]
+        parts.append(_list(words.differences(study, rows)))
+    parts.append(_list(words.events(study, rows)))
+    if study.question:
+        parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
+    parts += _pictures(results, rows)
+    parts += ["<h3>What this was computed from</h3>", _list([*words.failures(study, rows), _timing(results, rows)])]
+    parts.append(_details("the study", study.text))
+    for name in study.variants:
+        parts.append(_details(f"resolved diagram of {name}", results.variants.base(name).diagram.resolved()))
+    return "\n".join([*parts, "</section>"])
+
+
+def _table(table: Table) -> str:
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in table.head)
+    body = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
+    caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
+    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table>"
+
+
+def _beside(results: Results, rows: list[Row]) -> Table:
+    """Our figures beside those of the study's references."""
+    origins = list(results.study.references)
+    lines = []
+    for item in words.compared(results.study, rows):
+        theirs = [format_value(item.theirs[o]) if o in item.theirs else "" for o in origins]
+        ratios = [f"{item.ours / item.theirs[o]:.3g}" if item.theirs.get(o) else "" for o in origins]
+        lines.append([item.variant, item.metric, format_value(item.ours), *theirs, *ratios])
+    return Table("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
+
+
+def _pictures(results: Results, rows: list[Row]) -> list[str]:
+    """Every figure of the study, inlined."""
+    problems = Problems()
+    made = figures.read(results.study.figures, problems)
+    problems.raise_if_any()
+    files = {row["name"]: Path(row["file"]) for row in rows if row.get("file")}
+    with tempfile.TemporaryDirectory() as folder:
+        return [_picture(figure, results, rows, files, Path(folder) / "figure.svg") for figure in made]
+
+
+def _picture(figure: Figure, results: Results, rows: list[Row], files: dict[str, Path], file: Path) -> str:
+    if figure.distribution:
+        distribution.draw(figure.distribution, _groups(results.study, rows, figure.distribution.metric), file)
+    else:
+        figure.draw(files, file)
+    data = base64.b64encode(file.read_bytes()).decode()
+    text = f"{figure.name}. {figure.caption}"
+    image = f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(text, quote=True)}">'
+    return f"<figure>{image}<figcaption><b>{escape(figure.name)}.</b> {escape(figure.caption)}</figcaption></figure>"
+
+
+def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, np.ndarray]:
+    """The values of a metric in each variant at each grid point."""
+    found: dict[str, list[float]] = {}
+    for row in rows:
+        labels = [tables.label(study, row, axis.name) for axis in study.grid]
+        named = [f"{axis.name} = {text}" for axis, text in zip(study.grid, labels, strict=True)]
+        found.setdefault(", ".join([row["variant"], *named]), []).append(scalar(row["metrics"].get(metric)))
+    return {name: np.array(values) for name, values in found.items()}
+
+
+def _timing(results: Results, rows: list[Row]) -> str:
+    solve = sum(row["seconds"] for row in rows)
+    return (
+        f"{results.total} runs, {results.ran} of them in this call, which took {format_duration(results.seconds)}; "
+        f"solving takes {format_value(solve / max(len(rows), 1))} s a run, {format_duration(solve)} in all."
+    )
+
+
+def _list(sentences: Iterable[str]) -> str:
+    items = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f"<ul>{items}</ul>" if items else ""
+
+
+def _details(title: str, text: str) -> str:
+    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"

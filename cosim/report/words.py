@@ -1,0 +1,182 @@
+"""What the numbers of a study say, in plain words. Everything here is computed from its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.source import Node
+from cosim.study.dataset import scalar
+from cosim.study.member import Row
+from cosim.study.model import Column, Question, Study
+from cosim.study.running import FAILED
+from cosim.study.tables import cell, satisfies
+from cosim.terminal import format_value
+
+AGREES = 0.1
+"""Relative difference up to which two figures are called the same."""
+NAMED = 12
+Outcomes = dict[tuple[Any, ...], bool]
+EVENTS_OF = 12
+"""Studies with at most so many members have their events listed."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One figure of ours beside one from elsewhere."""
+
+    variant: str
+    metric: str
+    ours: float
+    theirs: dict[str, float]
+
+
+def compared(study: Study, rows: list[Row]) -> list[Compared]:
+    """Every figure that the study's references name, beside ours; the largest, if several members have it."""
+    found: dict[tuple[str, str], dict[str, float]] = {}
+    for origin, variants in study.references.items():
+        for variant, metrics in variants.items():
+            for metric, value in metrics.items():
+                found.setdefault((variant, metric), {})[origin] = value
+    return [Compared(v, m, _figure(study, rows, v, m), theirs) for (v, m), theirs in found.items()]
+
+
+def difference(name: str, ours: float, origin: str, theirs: float) -> str:
+    """How our figure lies to one from elsewhere."""
+    if np.isnan(ours):
+        return f"{name}: no value here; {origin} has {format_value(theirs)}."
+    here, there = format_value(ours), format_value(theirs)
+    if abs(ours - theirs) <= AGREES * abs(theirs):
+        return f"{name}: {here}, as in {origin} ({there}, {100 * (ours - theirs) / abs(theirs):+.1f} %)."
+    if ours * theirs <= 0 or min(abs(ours), abs(theirs)) == 0:
+        return f"{name}: {here} instead of {there} in {origin}."
+    ratio = ours / theirs
+    word = "below" if ours < theirs else "above"
+    size = f"{max(ratio, 1 / ratio):.3g} times" if max(ratio, 1 / ratio) >= 2 else f"{100 * abs(ratio - 1):.0f} %"
+    how = f"{size} smaller in size than" if abs(ours) < abs(theirs) else f"{size} larger in size than"
+    return f"{name}: {here} is {word} {there} in {origin}, {how} it."
+
+
+def differences(study: Study, rows: list[Row]) -> Iterator[str]:
+    """A sentence for every figure from elsewhere."""
+    for item in compared(study, rows):
+        for origin, value in item.theirs.items():
+            yield difference(f"{item.variant}, {item.metric}", item.ours, origin, value)
+
+
+def events(study: Study, rows: list[Row]) -> Iterator[str]:
+    """What happened when, in studies of few members."""
+    if len(rows) > EVENTS_OF:
+        return
+    for row in rows:
+        for name, value in row["metrics"].items():
+            if isinstance(value, list) and all(isinstance(item, dict) for item in value):
+                text = format_value(value).replace("\n", ", ") if value else "none"
+                yield f"{row['name']}, {name}: {text}."
+        for signal, first in row.get("events", {}).items():
+            yield f"{row['name']}: {signal} first became true at t = {first:.4g} s."
+
+
+def failures(study: Study, rows: list[Row]) -> Iterator[str]:
+    """Which members did not come to their end, and why."""
+    lost = [row for row in rows if row["status"] in FAILED]
+    if not lost:
+        yield f"All {len(rows)} runs came to their end."
+        return
+    yield f"{len(lost)} of {len(rows)} runs did not come to their end:"
+    for reason in dict.fromkeys(row["reason"] for row in lost):
+        names = [row["name"] for row in lost if row["reason"] == reason]
+        yield f"{len(names)} × {reason} ({_listed(names)})."
+
+
+def explanation(study: Study, rows: list[Row]) -> Iterator[str]:
+    """The answer to the study's `explain`: how often its condition holds, and what makes the difference."""
+    question = study.question
+    if question is None:
+        return
+    metric = str(question.metric.value)
+    limits = [f"above {question.above:g}"] if question.above is not None else []
+    limits += [f"below {question.below:g}"] if question.below is not None else []
+    wanted = f"{metric} {' and '.join(limits)}"
+    outcome = {(r["variant"], *r["grid"], r["draw"]): _holds(question, r) for r in rows}
+    names = {(r["variant"], *r["grid"], r["draw"]): r["name"] for r in rows}
+    base = {key[1:]: holds for key, holds in outcome.items() if key[0] == question.baseline}
+    yield _share(question.baseline, study, list(base.values()), wanted)
+    lost = [names[question.baseline, *key] for key, holds in base.items() if not holds]
+    if lost:
+        yield f"It fails in {_listed(lost)}. {_replay(study, lost[0])}"
+    else:
+        yield f"{question.baseline} has no failure to explain; the variants say what it owes this to."
+    for variant in study.variants:
+        own = {key[1:]: holds for key, holds in outcome.items() if key[0] == variant}
+        if variant == question.baseline or not own:
+            continue
+        yield _share(variant, study, list(own.values()), wanted)
+        yield from _contrast(study, variant, question, base, own, names)
+
+
+def _contrast(
+    study: Study, variant: str, question: Question, base: Outcomes, own: Outcomes, names: dict[Any, str]
+) -> Iterator[str]:
+    """Runs from the same start whose outcome differs from the baseline's."""
+    both = [key for key in own if key in base]
+    worse = [key for key in both if base[key] and not own[key]]
+    better = [key for key in both if own[key] and not base[key]]
+    if worse:
+        first = names[(variant, *worse[0])]
+        yield (
+            f"{len(worse)} of the runs that succeed in {question.baseline} fail in {variant}, "
+            f"{_listed([names[(variant, *key)] for key in worse])}: what differs is the reason. {_replay(study, first)}"
+        )
+    if better:
+        yield f"{len(better)} of the failures of {question.baseline} do not happen in {variant}."
+
+
+def _share(variant: str, study: Study, holds: list[bool], wanted: str) -> str:
+    count, good = len(holds), sum(holds)
+    low, high = confidence(good, count)
+    about = study.variants[variant].description
+    return (
+        f"{variant}{f' ({about})' if about else ''}: {wanted} in {good} of {count} runs, {100 * good / count:.1f} % "
+        f"(with 95 % confidence between {100 * low:.1f} % and {100 * high:.1f} %)."
+    )
+
+
+def confidence(good: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """The interval of Clopper and Pearson for a share."""
+    from scipy.special import betaincinv
+
+    tail = (1 - level) / 2
+    low = float(betaincinv(good, count - good + 1, tail)) if good else 0.0
+    high = float(betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
+    return low, high
+
+
+def _holds(question: Question, row: Row) -> bool:
+    number = scalar(row["metrics"].get(str(question.metric.value)))
+    complete = row["status"] == "completed"
+    return complete and bool(satisfies(np.array(number), question.above, question.below))
+
+
+def _figure(study: Study, rows: list[Row], variant: str, metric: str) -> float:
+    place = study.variants[variant].diagram_position
+    own = [row for row in rows if row["variant"] == variant]
+    statistic = "min" if _reduces_to_minimum(study, metric) else "max"
+    return cell(Column(metric, Node(metric, place), statistic), own) if own else float("nan")
+
+
+def _reduces_to_minimum(study: Study, metric: str) -> bool:
+    columns = [column for table in study.tables for column in table.columns if str(column.metric.value) == metric]
+    return any(column.statistic == "min" for column in columns)
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
+
+
+def _replay(study: Study, name: str) -> str:
+    return f"Replay the first: cosim study {study.path} --member {name}"
