@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cosim.block import Variable
 from cosim.errors import FleetMismatch, Problems, UnsolvedDimension, WrongShape
-from cosim.network import Axis, Slave
+from cosim.network import Axis, Signal, Slave
 from cosim.source import Node
 from cosim.values import Value
 
@@ -53,10 +53,7 @@ class _Dimensions:
 
     def _arriving(self, slave: Slave, port: str) -> tuple[Axis, ...] | None:
         """The axes that arrive at an input: those of its source, or of its sources joined along the first axis."""
-        sources = [s for s in slave.wires[port] if s.variable]
-        found = [
-            self.slaves[s.slave].signal_axes(self.slaves[s.slave].declaration.variables[s.variable]) for s in sources
-        ]
+        found = [self._axes(slave, port, source) for source in slave.wires[port] if source.variable]
         if not found or any(axes is None for axes in found):
             return None
         if not isinstance(slave.entry.inputs[port].value, list):
@@ -69,6 +66,19 @@ class _Dimensions:
         size = sum(axes[0].size for axes in parts)
         fleet = next((f for f, n in self.fleets.items() if n == size), None)
         return (Axis(size, slave.fleet or fleet), *parts[0][1:])
+
+    def _axes(self, slave: Slave, port: str, source: Signal) -> tuple[Axis, ...] | None:
+        """The axes of one source of an input; None while they are not known."""
+        there = self.slaves[source.slave]
+        axes = there.signal_axes(there.declaration.variables[source.variable])
+        if axes is None or source.members is None:
+            return axes
+        last = source.members if isinstance(source.members, int) else source.members[1]
+        size = axes[0].size if axes else 0
+        if last > size:
+            message = f"block {slave.name}: `{source}` for input `{port}`: {source.whole} has {size} members"
+            raise WrongShape(message, slave.entry.inputs[port].position, f"take members 1 to {size}" if size else "")
+        return source.axes(axes)
 
     def _unify(self, slave: Slave, dimension: int | str, axis: Axis) -> bool:
         if isinstance(dimension, int):

@@ -23,13 +23,36 @@ class Axis:
 
 @dataclass(frozen=True)
 class Signal:
-    """One variable of one slave."""
+    """One variable of one slave; a wire may take some members of its first axis only.
+
+    members: the first and the last one, from 1; a single number is that member without the axis.
+    """
 
     slave: str
     variable: str
+    members: tuple[int, int] | int | None = None
+
+    @property
+    def whole(self) -> Signal:
+        """The variable with all its members."""
+        return Signal(self.slave, self.variable)
+
+    @property
+    def first(self) -> int:
+        """How many members come before those that are taken."""
+        return (self.members[0] if isinstance(self.members, tuple) else self.members or 1) - 1
+
+    def axes(self, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+        """What is left of the axes of the whole variable."""
+        if self.members is None:
+            return axes
+        if isinstance(self.members, int):
+            return axes[1:]
+        return (Axis(self.members[1] - self.members[0] + 1), *axes[1:])
 
     def __str__(self) -> str:
-        return f"{self.slave}.{self.variable}"
+        members = self.members if isinstance(self.members, int) else "..".join(map(str, self.members or ()))
+        return f"{self.slave}.{self.variable}" + (f"[{members}]" if members else "")
 
 
 @dataclass
@@ -98,7 +121,7 @@ class Network:
         """The shape of a signal over all instances."""
         axes = self.slaves[signal.slave].signal_axes(self.variable(signal))
         assert axes is not None
-        return tuple(a.size for a in axes)
+        return tuple(a.size for a in signal.axes(axes))
 
     def find(self, text: str, position: Position | None) -> Signal:
         """The signal that a recording or metric names; any variable but inputs.

@@ -173,7 +173,7 @@ class Simulation:
         """Make the instances of foreign blocks, which compute those locals only that somebody looks at."""
         network = self.table.network
         looked_at = {s for group in self.probes for s in group.signals}
-        looked_at |= {s for slave in network.slaves.values() for wires in slave.wires.values() for s in wires}
+        looked_at |= {s.whole for slave in network.slaves.values() for wires in slave.wires.values() for s in wires}
         looked_at |= {network.find(str(m.signal.value), None) for m in network.diagram.metrics.values()}
         for name, slave in network.slaves.items():
             if slave.declaration.foreign:

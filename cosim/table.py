@@ -190,12 +190,18 @@ class _Builder:
         size = int(np.prod(shape)) * variable.dtype.itemsize
         if order.is_joined(slave, port):
             place = self._store(slave, variable, slave.count)
+            self._allocate(8)  # copies are of whole words, and the last one may end in the middle of one
         else:
             source = slave.wires[port][0]
-            there = self.places[source]
+            there = self.places[source.whole]
             mapped = slave.fleet is not None and len(self.network.shape(source)) == len(shape) + 1
-            place = Place(there.offset, size if mapped else 0, shape, variable.dtype)
+            offset = there.offset + source.first * self._member_bytes(source)
+            place = Place(offset, size if mapped else 0, shape, variable.dtype)
         self.places[Signal(slave.name, port)] = place
+
+    def _member_bytes(self, signal: Signal) -> int:
+        """The size of one member of a signal's first axis."""
+        return int(np.prod(self.network.shape(signal.whole)[1:])) * self.places[signal.whole].dtype.itemsize
 
     # ---- operations ----
 
@@ -266,7 +272,7 @@ class _Builder:
         self._copy(place.offset, offset, full.size * place.dtype.itemsize)
 
     def _bytes(self, signal: Signal) -> int:
-        return int(np.prod(self.network.shape(signal))) * self.places[signal].dtype.itemsize
+        return int(np.prod(self.network.shape(signal))) * self.places[signal.whole].dtype.itemsize
 
     def _task(self, task: order.Task, at_end: int = 0) -> None:
         slave = self.network.slaves[task.slave]
@@ -278,7 +284,7 @@ class _Builder:
         to = self.places[Signal(slave.name, task.port)].offset
         for source in slave.wires[task.port]:
             size = self._bytes(source)
-            self._copy(to, self.places[source].offset, size)
+            self._copy(to, self.places[source.whole].offset + source.first * self._member_bytes(source), size)
             to += size
 
     def _point(self, tasks: Iterable[order.Task]) -> tuple[int, int]:

@@ -5,6 +5,7 @@ The result is a `Network` of `Slave`s. All mistakes of a diagram are found in on
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -197,6 +198,7 @@ class _Wiring:
 
     def _source(self, slave: Slave, node: Node) -> Signal:
         name, port = endpoint(str(node.value))
+        port, members = _members(port)
         if name in self._unknown:
             return Signal(slave.name, "")
         if name not in self.slaves:
@@ -215,7 +217,7 @@ class _Wiring:
         if source.measuring and not slave.declaration.measuring:
             message = f"block {slave.name}: `{node.value}` comes from a measuring block"
             raise NotWirable(message, node.position, "only recordings and measuring blocks may read a measure")
-        return Signal(name, port)
+        return Signal(name, port, members)
 
     def _agree_on_integers(self) -> None:
         """Ports that take any integer take the type that comes or is wanted."""
@@ -292,6 +294,14 @@ def _array(slave: Slave, variable: Variable, value: Value, fleets: Mapping[str, 
         return np.stack(parts)[np.newaxis]
     sizes = {"N": float(next(iter(fleets.values())))} if len(fleets) == 1 else {}
     return value.array(shape, variable.dtype, sizes)[np.newaxis]
+
+
+def _members(port: str) -> tuple[str, tuple[int, int] | int | None]:
+    """A port's name, and the members that a wire takes: `u[1..5]`, or `u[6]` for one without the axis."""
+    match = re.fullmatch(r"(.+)\[(\d+)(?:\.\.(\d+))?\]", port)
+    if not match or not 1 <= int(match[2]) <= int(match[3] or match[2]):
+        return port, None
+    return match[1], (int(match[2]), int(match[3])) if match[3] else int(match[2])
 
 
 def _or_ports(name: str, outputs: set[str]) -> str:

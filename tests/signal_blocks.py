@@ -118,6 +118,17 @@ class Average(Block):
             memory[i, 0] = u[i, 0]
 
 
+class Numbers(Block):
+    """Passes integers on, which are half a word."""
+
+    k = Input("members", dtype="int32")
+    y = Output("members", dtype="int32")
+
+    def outputs(k, y):
+        for i in range(k.size):
+            y[i] = k[i]
+
+
 class Spy(Measure):
     """A measuring block that may tap locals."""
 

@@ -61,6 +61,7 @@ MISTAKES = {
     "unknown method": ("step: 0.1", "step: 0.1, method: jacoby", 2, "jacoby", "`jacobi`"),
     "missing file of blocks": ("type: Lag", "python: nowhere.py:Lag", 7, "nowhere.py", ""),
     "algebraic loop": ("u: source.y", "u: lag.y", 10, "algebraic loop: lag.y → lag.y", "state"),
+    "too many members": ("u: source.y", 'u: "source.y[2..4]"', 10, r"source.y has 3 members", "members 1 to 3"),
     "joined sources that differ": ("u: source.y", "u: [source.y, oscillator.x]", 10, "joined for input `u` differ", ""),
 }
 

@@ -140,6 +140,25 @@ def test_sources_are_joined_along_a_fleet(wired, trajectories):
     assert np.abs(got["average.mean"][:, 0] - sine * 10 / 3).max() < 1e-14
 
 
+def test_a_wire_may_take_some_members(wired, trajectories):
+    """Members count from 1; those of a fleet, of a network block's output, and a single one without the axis."""
+    text = """
+    run: {stop: 0.1, step: 0.01}
+    fleets: {robot: 5, few: 2}
+    blocks:
+      all: {type: Sine, per: robot}
+      few: {type: Gain, per: few, inputs: {u: "all.y[3..4]"}}
+      one: {type: Gain, inputs: {u: "all.y[5]"}}
+      swapped: {type: Average, inputs: {u: ["all.y[4..5]", "all.y[1..2]", "all.y[3]"]}}
+      average: {type: Average, inputs: {u: all.y}}
+      numbers: {type: Numbers, inputs: {k: ["average.number[5]", "average.number[1..3]"]}}
+    """
+    got = trajectories(wired(text), "all.y", "few.y", "one.y", "swapped.memory", "numbers.y")
+    assert (got["few.y"] == got["all.y"][:, 2:4]).all() and (got["one.y"] == got["all.y"][:, 4]).all()
+    assert (got["swapped.memory"][:, :, 0] == got["all.y"][:, [3, 4, 0, 1, 2], 0]).all()
+    assert (got["numbers.y"] == [5, 1, 2, 3]).all() and got["one.y"][-1, 0] > 0.4
+
+
 def test_a_failing_block_is_named_with_time_and_cause(wired):
     text = """
     run: {stop: 3, step: 0.01}
