@@ -247,15 +247,15 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     outputs = [v.name for v in declaration.of(Output)]
     locals_ = [v.name for v in declaration.of(Local)]
     feedthrough = fmu.kind != adapter.CO_SIMULATION
+    unstated = inputs if feedthrough else []
     reads = ("time", *states) if fmu.kind == adapter.MODEL_EXCHANGE else ()
     functions = []
-    for k, (known, names) in enumerate(_grouped(outputs, fmu.inputs_of, inputs if feedthrough else [])):
+    for k, (known, names) in enumerate(_grouped(outputs, fmu.inputs_of if feedthrough else {}, unstated)):
         functions.append(_function(f"outputs_{k}", "outputs", (*reads, *known), names))
     if locals_:
-        known = inputs if feedthrough else []
-        functions.append(_function("outputs_locals", "outputs", (*reads, *known), locals_))
+        functions.append(_function("outputs_locals", "outputs", (*reads, *unstated), locals_))
     starting = {**fmu.inputs_of, **fmu.initial_inputs_of}
-    for k, (known, names) in enumerate(_grouped(outputs, starting, inputs if feedthrough else [])):
+    for k, (known, names) in enumerate(_grouped(outputs, starting, unstated)):
         functions.append(_function(f"initial_{k}", "initial", known, names))
     calculated = [n for n in states if n in fmu.initial_inputs_of or fmu.ports[n].first.initial == "calculated"]
     for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
