@@ -13,8 +13,10 @@ def norm(values: NDArray) -> float:
     """The Euclidean norm of all elements of a matrix."""
     square = 0.0
     for i in range(values.shape[0]):
+        row = 0.0
         for q in range(values.shape[1]):
-            square += values[i, q] * values[i, q]
+            row += values[i, q] * values[i, q]
+        square += row
     return math.sqrt(square)
 
 

@@ -45,13 +45,13 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
     flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
-    flags.noalias = True
     with global_compiler_lock, helpers.unoptimised():
         target = helpers.target()
         library = target.target_context.codegen().create_library(name)
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS))
         for source in sources:
-            adapter = helpers.with_compiled_globals(source.build(), disjoint=True)
+            adapter = helpers.with_compiled_globals(source.build(), source.disjoint)
+            flags.noalias = source.disjoint
             try:
                 result = compile_extra(
                     target.typing_context,

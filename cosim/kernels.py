@@ -34,11 +34,16 @@ FIRST_ARGUMENT = 2  # words of a frame before the sizes of the run-time dimensio
 
 @dataclass(frozen=True)
 class Source:
-    """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what it depends on."""
+    """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what it depends on.
+
+    disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
+    what is written to one of them changes no other.
+    """
 
     symbol: str
     build: Callable[[], Callable[..., int]]
     fingerprint: str
+    disjoint: bool = False
 
 
 @dataclass
@@ -81,6 +86,8 @@ def module(name: str, sources: Iterable[Source]) -> Module:
     path = cache_folder() / f"{name}-{key}.o"
     if path.exists():
         return Module(name, path.read_bytes(), key, compiled_now=False)
+    if sys.stderr.isatty():
+        print(f"compiling {name.partition('-')[0]}, once…", file=sys.stderr)
     from cosim import compiler
 
     code = compiler.compile_object(name, sources)
@@ -153,7 +160,8 @@ def _block_source(declaration: Declaration, function: Function, constants: dict[
         exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)
         return scope["adapter"]
 
-    return Source(function.name, build, digest + text)
+    # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
+    return Source(function.name, build, digest + text, disjoint=True)
 
 
 def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:
