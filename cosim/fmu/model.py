@@ -276,9 +276,10 @@ class _Dependencies:
 
     def _of_wire(self, slave: Slave, port: str) -> Knowns:
         sources = slave.wires[port]
-        found = _merged(self.of(source) for source in sources)
+        found = _merged(self.of(source.whole) for source in sources)
         same = slave.fleet is not None and self.network.slaves[sources[0].slave].fleet == slave.fleet
-        return found if same and not order.is_joined(slave, port) else dict.fromkeys(found, False)
+        whole = sources[0].members is None and not order.is_joined(slave, port)
+        return found if same and whole else dict.fromkeys(found, False)
 
     def _of_state(self, slave: Slave, declared: State, signal: Signal) -> Knowns:
         if self.starts and not self.started.get(signal, True):
