@@ -379,7 +379,8 @@ def _status(status: int) -> str:
 
 
 def _categories(description: Any) -> tuple[int, list[str]]:
-    """Whether to switch logging on, and for which categories: those of what goes wrong, where there are any."""
+    """Whether to switch logging on, and for which categories: those of what goes wrong, where others would be noise."""
     names = [c.name for c in description.logCategories if c.name]
     telling = [n for n in names if any(w in n.lower() for w in ("error", "fatal", "warning", "discard"))]
-    return int(bool(telling) or not names), telling
+    noisy = set(names) - set(telling) - {"logAll"}
+    return int(bool(telling) or not names), telling if noisy else []
