@@ -201,7 +201,7 @@ static double activation(const double *x, const double *v, double centre) { /* (
 static void activations(const double *x, const double *v, double *phi) { /* see blocks/radial_basis.py */
     double middle = 0.0;
     for (int q = 0; q < DIM; q++) middle += x[q] + v[q];
-    middle /= 2 * DIM;
+    middle *= 0.5 / DIM;
     double steps = (middle - FIRST_CENTRE) / SPACING;
     int nearest = !(steps > 0.0) ? 0 : steps >= NEURONS - 1 ? NEURONS - 1 : (int)(steps + 0.5);
     double centre = FIRST_CENTRE + nearest * SPACING;

@@ -29,12 +29,13 @@ def activations(
         for j in range(phi.size):
             phi[j] = activation(x, v, centres[j], width)
         return
+    per_spacing = 1.0 / spacing
     last = phi.size - 1
     middle = 0.0
     for q in range(x.size):
         middle += x[q] + v[q]
-    middle /= 2 * x.size
-    steps = (middle - centres[0]) / spacing
+    middle *= 0.5 / x.size
+    steps = (middle - centres[0]) * per_spacing
     nearest = 0 if not steps > 0.0 else last if steps >= last else int(steps + 0.5)
     largest = activation(x, v, centres[nearest], width)
     phi[nearest] = largest
@@ -59,10 +60,11 @@ def activations(
 
 def activation(x: NDArray, v: NDArray, centre: float, width: float) -> float:
     """One neuron's activation, (7)."""
+    sharpness = -1.0 / (width * width)
     square = 0.0
     for q in range(x.size):
         square += (x[q] - centre) * (x[q] - centre) + (v[q] - centre) * (v[q] - centre)
-    return math.exp(-square / (width * width))
+    return math.exp(square * sharpness)
 
 
 def weighted_sum(weights: NDArray, phi: NDArray, w: NDArray) -> None:

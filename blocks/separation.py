@@ -23,6 +23,14 @@ def remember(pairs: NDArray, i: int, j: int) -> None:
     raise ValueError("more pairs of robots collide than `collision_capacity`: raise it under this block's dimensions")
 
 
+def forget(pairs: NDArray) -> None:
+    """Free all rows; used ones come first."""
+    for k in range(pairs.shape[0]):
+        if pairs[k, 0] == 0:
+            return
+        pairs[k, 0] = 0
+
+
 class Separation(Measure):
     """The smallest gap ||z_ij|| - R_i - R_j over all pairs of robots, and which pairs collided when.
 
@@ -59,17 +67,17 @@ class Separation(Measure):
         reach = 8.0 * largest
         while True:
             sort_into_cells(x, reach, cells, heads, links)
-            for k in range(touching.shape[0]):
-                touching[k, 0] = 0
-            min_gap[0] = math.inf
+            forget(touching)
+            smallest = math.inf
             for i in range(x.shape[0]):
                 for k in range(later_near(i, cells, heads, links, found)):
                     j = found[k]
                     gap = planar_distance(x, i, j) - radii[i] - radii[j]
-                    min_gap[0] = min(min_gap[0], gap)
+                    smallest = min(smallest, gap)
                     if gap <= 0.0:
                         remember(touching, i, j)
-            if min_gap[0] <= reach - 2.0 * largest or sees_all(x, reach):
+            if smallest <= reach - 2.0 * largest or sees_all(x, reach):
+                min_gap[0] = smallest
                 return
             reach *= 2.0
 

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim import engine, kernels, memory
-from cosim.errors import BlockFailed, Diverged
-from cosim.network import Signal
+from cosim import engine, hosts, kernels, memory, supervision
+from cosim.errors import BlockFailed, CosimError, Diverged
+from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
@@ -86,31 +86,43 @@ class Simulation:
         self.table = table
         self.step = table.network.diagram.run.step
         self.steps = round(table.network.diagram.run.stop / self.step)
-        self.arena = copy_of(table.arena)
+        foreign = [slave for slave in table.network.slaves.values() if slave.declaration.foreign]
+        forked = bool(foreign) and supervision.AVAILABLE
+        self._zeros = memory.shared if forked else memory.private
+        self.arena = copy_of(table.arena, self._zeros)
         self.probes = probes
+        self._initialized = False
         self._faults: list[Exception] = []
         self._keep: list[Any] = []
-        self._foreign: dict[str, Any] = {}
-        weakref.finalize(self, _close, self._foreign)
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
             memory.interpreted.update((handle, self._python(n)) for n, handle in enumerate(functions))
             weakref.finalize(self, _forget, functions)
-            self._run: Callable[..., int] = engine.run
-            self._execute: Callable[..., int] = engine.execute
+            run: Callable[..., int] = engine.run
+            execute: Callable[..., int] = engine.execute
         else:
             functions = [self._address(kernels, n) for n in range(len(table.calls))]
             assert kernels.loop is not None
             loop = kernels.loop.load()
-            self._run, self._execute = KERNEL(loop.address("run")), KERNEL(loop.address("execute"))
+            run, execute = KERNEL(loop.address("run")), KERNEL(loop.address("execute"))
         self._build_control(np.array(functions, np.int64))
+        base, control, step = self.arena.ctypes.data, self.control.ctypes.data, self.step
+        commands = {"run": lambda: run(step, base, control), "execute": lambda: execute(0.0, base, control)}
+        self._parts = {slave.name: self._foreign_parts(slave) for slave in foreign}
+        self._host: hosts.Here | hosts.Forked
+        if forked:
+            watch = hosts.Watch(table, self.control, self._parts)
+            self._host = hosts.Forked(self._parts, commands, watch, table.network.diagram.run.patience)
+        else:
+            self._host = hosts.Here(self._parts, commands)
+            weakref.finalize(self, self._host.close, terminate=False)
 
     def _address(self, kernels: Kernels, n: int) -> int:
         call = self.table.calls[n]
         module = kernels.modules[call.slave]
         if module is not None:
             foreign = self.table.network.slaves[call.slave].declaration.foreign
-            return module.load().address(call.function.python.__name__ if foreign else call.function.name)
+            return module.load().address(foreign.kernel.__name__ if foreign else call.function.name)
         python = self._python(n)
         thunk = KERNEL(lambda time, base, frame: python(time))
         self._keep.append(thunk)
@@ -119,9 +131,9 @@ class Simulation:
     def _python(self, n: int) -> Callable[[float], int]:
         """The n-th call as plain Python."""
         call = self.table.calls[n]
-        if self.table.network.slaves[call.slave].declaration.foreign:
+        if foreign := self.table.network.slaves[call.slave].declaration.foreign:
             base = self.arena.ctypes.data
-            return lambda time: call.function.python(time, base, base + call.frame)
+            return lambda time: foreign.kernel(time, base, base + call.frame)
         return _interpreted(self.arena, self.table.calls[n], self._faults)
 
     def _build_control(self, functions: np.ndarray) -> None:
@@ -136,13 +148,14 @@ class Simulation:
                 probes.append([table.places[signal].offset, -(-nbytes // 8)])
             words = 1 + sum(size for _, size in probes[begin:])
             capacity = max(2, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 2))
-            buffer = np.zeros((capacity, words), np.int64)
+            buffer = self._words(capacity, words)
             self._buffers.append(buffer)
             rows.append([group.every, begin, len(probes), words, 0, buffer.ctypes.data])
-        self._groups = np.array(rows, np.int64).reshape(-1, engine.GROUP_WORDS)
+        self._groups = self._words(len(rows), engine.GROUP_WORDS)
+        self._groups[:] = np.array(rows, np.int64).reshape(self._groups.shape)
         self._probe_rows = np.array(probes, np.int64).reshape(-1, engine.PROBE_WORDS)
         self._functions = functions
-        control = self.control = np.zeros(engine.CONTROL_WORDS, np.int64)
+        control = self.control = self._words(engine.CONTROL_WORDS)
         for at, size, array in (
             (engine.OPERATIONS, engine.N_OPERATIONS, table.operations),
             (engine.BANKS, engine.N_BANKS, table.banks),
@@ -155,35 +168,36 @@ class Simulation:
         for name, offset in table.vectors.items():
             control[getattr(engine, name)] = offset
 
+    def _words(self, *shape: int) -> np.ndarray:
+        """Zeroed words that the loop changes."""
+        return self._zeros(8 * int(np.prod(shape))).view(np.int64).reshape(shape)
+
     def initialize(self) -> None:
         """Calculated parameters, start values and outputs at time zero; instances of foreign blocks.
 
         Raises: BlockFailed, FmuError.
         """
-        self._open()
+        self._host.open()
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.initial
-        status = self._execute(0.0, self.arena.ctypes.data, self.control.ctypes.data)
+        self._raise(self._host.run("execute"))
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.point
         self.control[engine.BETWEEN_BEGIN], self.control[engine.BETWEEN_END] = self.table.between
-        self._raise(status)
-        for instances in self._foreign.values():
-            instances.begin()
+        self._initialized = True
 
-    def _open(self) -> None:
-        """Make the instances of foreign blocks, which compute those locals only that somebody looks at."""
+    def _foreign_parts(self, slave: Slave) -> Sequence[Any]:
+        """The instances of a foreign block, which compute those locals only that somebody looks at."""
         network = self.table.network
         looked_at = {s for group in self.probes for s in group.signals}
-        looked_at |= {s.whole for slave in network.slaves.values() for wires in slave.wires.values() for s in wires}
+        looked_at |= {s.whole for other in network.slaves.values() for wires in other.wires.values() for s in wires}
         looked_at |= {network.find(str(m.signal.value), None) for m in network.diagram.metrics.values()}
-        for name, slave in network.slaves.items():
-            if slave.declaration.foreign:
-                calls = [call for call in self.table.calls if call.slave == name]
-                wanted = {s.variable for s in looked_at if s.slave == name}
-                self._foreign[name] = slave.declaration.foreign.open(slave, calls, self.arena, self.step, wanted)
+        wanted = {s.variable for s in looked_at if s.slave == slave.name}
+        calls = [call for call in self.table.calls if call.slave == slave.name]
+        assert slave.declaration.foreign
+        return slave.declaration.foreign.parts(slave, calls, self.arena, self.step, wanted, self._zeros)
 
     def close(self) -> None:
-        """End all instances of foreign blocks; signals can still be read."""
-        _close(self._foreign)
+        """End all instances of foreign blocks; signals can still be read. Raises: SlaveCrashed, SlaveHung."""
+        self._host.close(self._initialized)
 
     @property
     def done(self) -> int:
@@ -200,7 +214,7 @@ class Simulation:
 
         Raises: BlockFailed, Diverged; what the probes saw before is yielded first.
         """
-        size = 64
+        size = 1 if self._parts else 64
         largest = (
             min((len(b) - 1) * g.every for b, g in zip(self._buffers, self.probes, strict=True))
             if self.probes
@@ -210,26 +224,33 @@ class Simulation:
             last = min(self.done + size, self.steps)
             self.control[engine.LAST], self.control[engine.FINAL] = last, last == self.steps
             began = clock.perf_counter()
-            status = self._run(self.step, self.arena.ctypes.data, self.control.ctypes.data)
+            status, error = self._do_batch()
             spent = clock.perf_counter() - began
             yield self._samples()
+            if error:
+                raise error
             self._raise(status)
             if last == self.steps:
                 return
             size = int(max(1, min(largest, 4 * size, size * BATCH_SECONDS / max(spent, 1e-6))))
 
+    def _do_batch(self) -> tuple[int, CosimError | None]:
+        try:
+            return self._host.run("run"), None
+        except CosimError as error:  # a process has ended, but what it probed is here
+            return engine.OK, error
+
     def _samples(self) -> list[Samples]:
         result = []
         for group, row, buffer in zip(self.probes, self._groups, self._buffers, strict=True):
-            filled = int(row[engine.FILLED])
+            filled = min(max(0, int(row[engine.FILLED])), len(buffer))  # a crash may have left any number
             row[engine.FILLED] = 0
             values, at = {}, 1
             for signal in group.signals:
                 shape, dtype = self.table.network.shape(signal), self.table.places[signal].dtype
-                nbytes = int(np.prod(shape)) * dtype.itemsize
-                words = -(-nbytes // 8)
-                raw = np.ascontiguousarray(buffer[:filled, at : at + words]).view(np.uint8)[:, :nbytes]
-                values[signal] = np.ascontiguousarray(raw).view(dtype).reshape(filled, *shape)
+                size = int(np.prod(shape))
+                words = -(-size * dtype.itemsize // 8)
+                values[signal] = buffer[:filled, at : at + words].view(dtype)[:, :size].reshape(filled, *shape)
                 at += words
             result.append(Samples(buffer[:filled, 0], values))
         return result
@@ -249,8 +270,8 @@ class Simulation:
         """Tell what went wrong in a call: a compiled kernel's exception is found by interpreting the call again."""
         call_index = int(self.table.operations[operation, engine.A])
         call = self.table.calls[call_index]
-        if call.slave in self._foreign:
-            raise self._foreign[call.slave].failure(self.time)
+        if call.slave in self._parts:
+            raise self._host.failure(call.slave, self.time)
         if not self._faults:
             self._python(call_index)(self.time)
         cause = self._faults[-1] if self._faults else None
@@ -262,12 +283,6 @@ class Simulation:
     def value(self, signal: Signal) -> np.ndarray:
         """A signal now, as a copy (instances…, *shape)."""
         return self.table.signal(signal, self.arena).copy()
-
-
-def _close(instances: dict[str, Any]) -> None:
-    """End all instances of foreign blocks."""
-    while instances:
-        instances.popitem()[1].close()
 
 
 def _forget(handles: list[int]) -> None:
