@@ -26,7 +26,6 @@ from cosim.study.member import Row
 from cosim.study.model import Study
 from cosim.study.running import Results
 from cosim.study.tables import Table
-from cosim.terminal import format_duration, format_value
 
 
 def write(path: Path, studies: Sequence[Results]) -> None:
@@ -67,7 +66,8 @@ def _section(results: Results) -> str:
     parts.append(_list(f"{v.name}: {v.description}" for v in study.variants.values() if v.description))
     parts += [_table(table) for table in tables.tables(results)]
     if study.references:
-        parts += ["<h3>Beside figures from elsewhere</h3>", _table(_beside(results, rows))]
+        origins = escape(" and ".join(study.references))
+        parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
         parts.append(_list(words.differences(study, rows)))
     parts.append(_list(words.events(study, rows)))
     if study.question:
@@ -92,9 +92,9 @@ def _beside(results: Results, rows: list[Row]) -> Table:
     origins = list(results.study.references)
     lines = []
     for item in words.compared(results.study, rows):
-        theirs = [format_value(item.theirs[o]) if o in item.theirs else "" for o in origins]
+        theirs = [f"{item.theirs[o]:.3g}" if o in item.theirs else "" for o in origins]
         ratios = [f"{item.ours / item.theirs[o]:.3g}" if item.theirs.get(o) else "" for o in origins]
-        lines.append([item.variant, item.metric, format_value(item.ours), *theirs, *ratios])
+        lines.append([item.variant, item.metric, f"{item.ours:.3g}", *theirs, *ratios])
     return Table("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
 
 
@@ -132,8 +132,8 @@ def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, np.ndarray]
 def _timing(results: Results, rows: list[Row]) -> str:
     solve = sum(row["seconds"] for row in rows)
     return (
-        f"{results.total} runs, {results.ran} of them in this call, which took {format_duration(results.seconds)}; "
-        f"solving takes {format_value(solve / max(len(rows), 1))} s a run, {format_duration(solve)} in all."
+        f"{results.total} runs, {results.ran} of them in this call, which took {results.seconds:.3g} s; "
+        f"solving takes {solve / max(len(rows), 1):.3g} s a run, {solve:.3g} s in all."
     )
 
 

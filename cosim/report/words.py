@@ -44,27 +44,36 @@ def compared(study: Study, rows: list[Row]) -> list[Compared]:
     return [Compared(v, m, _figure(study, rows, v, m), theirs) for (v, m), theirs in found.items()]
 
 
-def difference(name: str, ours: float, origin: str, theirs: float) -> str:
-    """How our figure lies to one from elsewhere."""
-    if np.isnan(ours):
-        return f"{name}: no value here; {origin} has {format_value(theirs)}."
-    here, there = format_value(ours), format_value(theirs)
-    if abs(ours - theirs) <= AGREES * abs(theirs):
-        return f"{name}: {here}, as in {origin} ({there}, {100 * (ours - theirs) / abs(theirs):+.1f} %)."
-    if ours * theirs <= 0 or min(abs(ours), abs(theirs)) == 0:
-        return f"{name}: {here} instead of {there} in {origin}."
-    ratio = ours / theirs
-    word = "below" if ours < theirs else "above"
-    size = f"{max(ratio, 1 / ratio):.3g} times" if max(ratio, 1 / ratio) >= 2 else f"{100 * abs(ratio - 1):.0f} %"
-    how = f"{size} smaller in size than" if abs(ours) < abs(theirs) else f"{size} larger in size than"
-    return f"{name}: {here} is {word} {there} in {origin}, {how} it."
-
-
 def differences(study: Study, rows: list[Row]) -> Iterator[str]:
-    """A sentence for every figure from elsewhere."""
-    for item in compared(study, rows):
-        for origin, value in item.theirs.items():
-            yield difference(f"{item.variant}, {item.metric}", item.ours, origin, value)
+    """For each source of references: how many figures agree, how many are lower, and each one that differs."""
+    items = compared(study, rows)
+    for origin in study.references:
+        own = [item for item in items if origin in item.theirs]
+        agree = [item for item in own if _agree(item.ours, item.theirs[origin])]
+        lower = [item for item in own if item.ours <= item.theirs[origin]]
+        yield (
+            f"{len(own)} figures beside {origin}: {len(agree)} agree within {100 * AGREES:.0f} %, "
+            f"{len(lower)} are at or below."
+        )
+        for item in own:
+            if item not in agree:
+                yield difference(f"{item.variant}, {item.metric}", item.ours, origin, item.theirs[origin])
+
+
+def difference(name: str, ours: float, origin: str, theirs: float) -> str:
+    """How our figure lies to one from elsewhere that it does not agree with."""
+    if np.isnan(ours):
+        return f"{name}: no value here, {theirs:.3g} in {origin}."
+    text = f"{name}: {ours:.3g} here, {theirs:.3g} in {origin}"
+    ratio = ours / theirs if theirs else 0.0
+    if ratio <= 0:
+        return f"{text}."
+    size = f"{max(ratio, 1 / ratio):.3g} times" if max(ratio, 1 / ratio) >= 2 else f"{100 * abs(ratio - 1):.0f} %"
+    return f"{text}: {size} {'smaller' if ratio < 1 else 'larger'}{' in size' if ours < 0 else ''}."
+
+
+def _agree(ours: float, theirs: float) -> bool:
+    return abs(ours - theirs) <= AGREES * abs(theirs)
 
 
 def events(study: Study, rows: list[Row]) -> Iterator[str]:

@@ -1,0 +1,84 @@
+"""Members that differ in values only are not wired again, and yet are the runs that a full load gives."""
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim import run as runs
+from cosim.study import member, plan
+from cosim.study.member import key
+from cosim.study.variants import Variants
+from tests.study.conftest import DIAGRAM
+
+SETTINGS = [
+    ("blocks.lag.start.x", [[0.3, -0.1], [0.1, 0.7], [1 / 3, 2.0]]),  # replaces a list of the diagram
+    ("blocks.lag.start.x.1.0", 0.123),  # one element of it
+    ("blocks.lag.parameters.T", 0.7),  # one value for all
+    ("blocks.lag.parameters.T", [0.7, 0.8, 0.9]),  # one value each: another layout
+    ("blocks.lag.parameters.T", "i / 2"),  # an expression
+    ("blocks.swing.parameters.w", 3),
+    ("blocks.swing.start.v", 0.5),  # not in the diagram
+    ("blocks.source.parameters.A", 2.5),  # whose default is an expression
+    ("run.stop", 0.5),  # structure
+]
+
+
+@pytest.mark.parametrize(("path", "value"), SETTINGS)
+def test_fast_members_give_the_bits_of_a_full_load(study, tmp_path, path, value):
+    other = [[v + 0.25 for v in row] for row in value] if path == "blocks.lag.start.x" else value
+    text = f"diagram: diagram.yaml\ngrid: {{{path}: [{json.dumps(other)}, {json.dumps(value)}]}}"
+    loaded = study(text)
+    variants = Variants(loaded)
+    first, second = plan.members(loaded, None)
+    variants.prepared(first)  # the template, which the second one is made from where it can be
+    row = member.run(variants, second, None, lambda time: None)
+    network = runs.load(tmp_path / "diagram.yaml", [f"{path}={json.dumps(value)}", "record.signals=[]"])
+    expected = runs.Run(network).execute()
+    assert row["metrics"] == expected.metrics
+    assert row["steps"] == expected.steps
+
+
+def test_values_share_one_template_and_structures_do_not(study):
+    loaded = study("diagram: diagram.yaml\ngrid: {blocks.swing.parameters.w: [1, 2, 3], run.stop: [1, 2]}")
+    variants = Variants(loaded)
+    for one in plan.members(loaded, None):
+        variants.prepared(one)
+    assert len(variants._templates) == 2
+
+
+def test_the_key_is_of_what_matters(study):
+    def of(text, diagram=DIAGRAM):
+        loaded = study(text, diagram)
+        (one,) = plan.members(loaded, None)
+        return key(Variants(loaded).prepared(one))
+
+    base = of("diagram: diagram.yaml")
+    assert of("{diagram: diagram.yaml, title: another}") == base
+    assert of("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [2]}}") == base
+    assert of("diagram: diagram.yaml", "\n    title: x" + DIAGRAM) == base
+    changed = [
+        of("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [2.0000001]}}"),
+        of("{diagram: diagram.yaml, grid: {run.stop: [2]}}"),
+        of("{diagram: diagram.yaml, grid: {run.method: [gauss-seidel]}}"),
+        of("{diagram: diagram.yaml, metrics: [top]}"),
+        of("{diagram: diagram.yaml, record: true}"),
+        of("diagram: diagram.yaml", DIAGRAM.replace("reduce: max}", "reduce: max, from: 0.5}")),
+        of("diagram: diagram.yaml", DIAGRAM.replace("Sine, per", "Sine,  per")),
+    ]
+    assert changed.pop() == base
+    assert len({base, *changed}) == 1 + len(changed)
+
+
+def test_recorded_members_say_which_diagram_they_come_from(study, tmp_path):
+    from cosim.results import open_result
+
+    loaded = study("{diagram: diagram.yaml, record: true, grid: {blocks.swing.parameters.w: [1, 4]}}")
+    _, second = plan.members(loaded, None)
+    row = member.run(Variants(loaded), second, tmp_path / "one.nc", lambda time: None)
+    with open_result(tmp_path / "one.nc") as result:
+        (tmp_path / "again.yaml").write_text(result.attrs["diagram"])
+        swing = result["swing.x"]
+    again = runs.Run(runs.load(tmp_path / "again.yaml")).execute()
+    assert again.metrics == row["metrics"]
+    assert np.isclose(swing[-1], row["metrics"]["last"])
