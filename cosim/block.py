@@ -187,14 +187,15 @@ class Foreign(Protocol):
     """What stands behind a block that is no Python code, such as an FMU: one kernel does all its functions.
 
     kernel: ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame has for it between
-    the instance count and the arguments; whoever opens instances for a run fills them.
+    the instance count and the arguments; whoever opens instances for a run fills them. parts: the instances for one
+    run, each a `cosim.hosts.Part`; zeros gives memory that all processes of the run share.
     """
 
     @property
     def kernel(self) -> Callable[[float, int, int], int]: ...
     @property
     def frame_words(self) -> int: ...
-    def open(self, slave: Any, calls: Any, arena: Any, step: float, wanted: set[str]) -> Any: ...
+    def parts(self, slave: Any, calls: Any, arena: Any, step: float, wanted: set[str], zeros: Any) -> Any: ...
 
 
 @dataclass
@@ -215,6 +216,11 @@ class Declaration:
     compiled: bool = True
     foreign: Foreign | None = None
     most_instances: int | None = None
+
+    @property
+    def shareable(self) -> bool:
+        """Whether several runs may have it on threads of one process; what is foreign has processes of its own."""
+        return self.foreign is None
 
     def of(self, *classes: type[Variable]) -> Iterator[Variable]:
         """The variables of the given classes, in the order of their declaration."""

@@ -32,13 +32,17 @@ __all__ = ["BlockEntry", "Diagram", "MetricEntry", "Record", "RunSettings", "loa
 
 @dataclass
 class RunSettings:
-    """How long (s), in what steps (s) and by what method a diagram runs; `nodes` has what YAML says of each."""
+    """How long (s), in what steps (s) and by what method a diagram runs; `nodes` has what YAML says of each.
+
+    patience: for how long (s of wall-clock time) a call of an FMU may give no sign of life.
+    """
 
     stop: float = math.nan
     step: float = math.nan
     method: str = "jacobi"
     integrator: str = "euler"
     inner_steps: int = 1
+    patience: float = 10.0
     nodes: dict[str, Node] = field(default_factory=dict)
 
     @property
@@ -169,6 +173,8 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
         run.integrator = reader.choice(nodes["integrator"], "run.integrator", grammar.INTEGRATORS)
     if "inner_steps" in nodes:
         run.inner_steps = reader.count(nodes["inner_steps"], "run.inner_steps")
+    if "patience" in nodes:
+        run.patience = reader.positive(nodes["patience"], "run.patience", run.patience)
     if "stop" in nodes:
         _is_multiple(nodes["stop"], "run.stop", run.stop, run.step, reader)
     return run

@@ -167,6 +167,14 @@ class SlaveFailed(BlockFailed):
     """A function of an FMU stopped the run."""
 
 
+class SlaveCrashed(SlaveFailed):
+    """The process that an FMU ran in has died."""
+
+
+class SlaveHung(SlaveFailed):
+    """A function of an FMU did not return within the run's patience."""
+
+
 class ArchiveError(CosimError):
     """An FMU file that is no sound archive, or tries to do harm."""
 

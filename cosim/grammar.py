@@ -31,7 +31,7 @@ BLOCK: dict[str, Any] = {
 }
 DIAGRAM: dict[str, Any] = {
     **dict.fromkeys(("title", "extends"), _VALUE),
-    "run": dict.fromkeys(("stop", "step", "method", "integrator", "inner_steps"), _VALUE),
+    "run": dict.fromkeys(("stop", "step", "method", "integrator", "inner_steps", "patience"), _VALUE),
     "fleets": _NAMED,
     "blocks": {ANY: BLOCK},
     "record": dict.fromkeys(("period", "signals"), _VALUE),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from typing import Any
 
 import numpy as np
@@ -123,3 +124,40 @@ def address_of(context: Any, pointer: Any) -> Any:
         return builder.ptrtoint(arguments[0], ir.IntType(64))
 
     return types.int64(pointer), generate
+
+
+@intrinsic
+def load(context: Any, address: Any) -> Any:
+    """`cosim.memory.load`, compiled: sequentially consistent."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        place = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        return builder.load_atomic(place, "seq_cst", 8)
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def store(context: Any, address: Any, value: Any) -> Any:
+    """`cosim.memory.store`, compiled: sequentially consistent."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        place = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        builder.store_atomic(arguments[1], place, "seq_cst", 8)
+        return context.get_dummy_value()
+
+    return types.none(types.int64, types.int64), generate
+
+
+@intrinsic
+def pause(context: Any) -> Any:
+    """`cosim.memory.pause`, compiled: the processor's hint that it spins."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        arm = platform.machine().lower() in ("arm64", "aarch64")
+        name, hint = ("llvm.aarch64.hint", [ir.IntType(32)(1)]) if arm else ("llvm.x86.sse2.pause", [])
+        kind = ir.FunctionType(ir.VoidType(), [h.type for h in hint])
+        builder.call(cgutils.get_or_insert_function(builder.module, kind, name), hint)
+        return context.get_dummy_value()
+
+    return types.none(), generate

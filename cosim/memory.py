@@ -7,6 +7,8 @@ instructions in their place, so the same source serves the compiled and the inte
 from __future__ import annotations
 
 import ctypes
+import mmap
+import time
 from collections.abc import Callable
 from functools import cache
 
@@ -14,6 +16,21 @@ import numpy as np
 
 #: What `call` reaches in the interpreted engine: handle -> (time) -> status.
 interpreted: dict[int, Callable[[float], int]] = {}
+
+
+ALIGNMENT = 64
+
+
+def private(size: int) -> np.ndarray:
+    """Zeroed bytes (size,) on an aligned address."""
+    raw = np.zeros(size + ALIGNMENT, np.uint8)
+    start = -raw.ctypes.data % ALIGNMENT
+    return raw[start : start + size]
+
+
+def shared(size: int) -> np.ndarray:
+    """Zeroed bytes (size,) that processes forked later have in common, at the same address."""
+    return np.frombuffer(mmap.mmap(-1, max(1, size)), np.uint8)[:size]
 
 
 def words_at(address: int, size: int) -> np.ndarray:
@@ -51,3 +68,18 @@ def _prototype(kinds: tuple[type, ...]) -> Callable[[int], Callable[..., int]]:
 def call(function: int, time: float, base: int, frame: int) -> int:
     """Call ``int32 function(double time, uint8 *base, int64 *frame)`` at an address and return its status."""
     return interpreted[int(function)](float(time))
+
+
+def load(address: int) -> int:
+    """The word at an address that another process may change at any time."""
+    return ctypes.c_int64.from_address(int(address)).value
+
+
+def store(address: int, value: int) -> None:
+    """Change a word that another process waits for; it sees all that was written before."""
+    ctypes.c_int64.from_address(int(address)).value = int(value)
+
+
+def pause() -> None:
+    """Let a moment pass while waiting for another processor."""
+    time.sleep(0)

@@ -6,6 +6,7 @@ import json
 import math
 import time as clock
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -155,8 +156,12 @@ class Run:
                     watch(self.simulation.time)
                     writing += clock.perf_counter() - resumed
                     interrupted.raise_if_wanted()
+                self.simulation.close()
+        except BaseException:
+            with suppress(CosimError):  # what comes after a failure is no news
+                self.simulation.close()
+            raise
         finally:
-            self.simulation.close()
             self.seconds["solve"] = clock.perf_counter() - began - writing
 
     def _reduce(self, samples: Samples) -> None:

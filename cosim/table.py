@@ -6,7 +6,7 @@ copy of the arena is another run of the same diagram.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,9 +15,8 @@ from cosim import engine, order
 from cosim.block import Function, Input, Parameter, State, Variable
 from cosim.errors import FmuError
 from cosim.kernels import run_time_dimensions, variable_of
+from cosim.memory import ALIGNMENT, private
 from cosim.network import Network, Signal, Slave
-
-ALIGNMENT = 64
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ class _Builder:
         initial = self._initial(order.initial_order(self.network))
         point = self._point(evaluation)
         between = self._between(evaluation)
-        arena = _zeros(self.size)
+        arena = private(self.size)
         for offset, data in self.writes:
             arena[offset : offset + data.nbytes] = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
         return Table(
@@ -396,15 +395,8 @@ class _Builder:
         return len(self.banks) - 1
 
 
-def _zeros(size: int) -> np.ndarray:
-    """Zeroed memory on an aligned address."""
-    raw = np.zeros(size + ALIGNMENT, np.uint8)
-    start = -raw.ctypes.data % ALIGNMENT
-    return raw[start : start + size]
-
-
-def copy_of(arena: np.ndarray) -> np.ndarray:
-    """Another arena with the same content."""
-    new = _zeros(arena.size)
+def copy_of(arena: np.ndarray, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
+    """Another arena with the same content, in memory that `zeros` gives."""
+    new = zeros(arena.size)
     new[:] = arena
     return new

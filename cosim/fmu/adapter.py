@@ -55,7 +55,9 @@ LINK_WORDS = 32
     ROW,  # the address of the row that it was for, or 0
     INSTANCE,  # of which instance, from 0
     WARNINGS,
-) = range(24)
+    CALLING,  # the address of the function that is being called, or was last
+    CALLED,  # how many calls there have been
+) = range(26)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE = -1, -2, -3, -4, -5
 
@@ -135,6 +137,8 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
 
 def bad(link: Any, function: int, arguments: Any) -> bool:
     """Call a C function. Returns whether its status is worse than a warning, and keeps both."""
+    link[CALLING] = function
+    link[CALLED] += 1
     status = invoke(function, arguments)
     if status == WARNING:
         link[WARNINGS] += 1

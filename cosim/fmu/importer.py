@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cosim import supervision
 from cosim.block import Block, Declaration, Function, Input, Local, Output, Parameter, State, Variable, condition
 from cosim.entry import BlockEntry
 from cosim.errors import FmuError, Position, UnknownPort, nearest
@@ -66,14 +67,20 @@ class Fmu:
         eventful = self.version == 3 and self.interface.hasEventMode
         return adapter.EVENT_CO_SIMULATION if eventful else adapter.CO_SIMULATION
 
-    kernel = staticmethod(adapter.adapt)
     frame_words = adapter.FIRST - adapter.LINK
 
-    def open(self, *arguments: Any, **more: Any) -> Any:
-        """Instances for one run; see `cosim.fmu.instance.Instances`."""
-        from cosim.fmu.instance import Instances
+    @property
+    def kernel(self) -> Callable[[float, int, int], int]:
+        """What does the FMU's functions in the loop."""
+        from cosim.fmu import mailbox
 
-        return Instances(self, *arguments, **more)
+        return mailbox.remote if self.isolated else adapter.adapt
+
+    def parts(self, *arguments: Any) -> Any:
+        """The instances of one run, by process; see `cosim.fmu.instance` and `cosim.fmu.isolation`."""
+        from cosim.fmu import instance, isolation
+
+        return isolation.parts(self, *arguments) if self.isolated else [instance.Instances(self, *arguments)]
 
 
 def read_description(path: Path, position: Position | None = None) -> tuple[Path, Any]:
@@ -106,6 +113,10 @@ def block(entry: BlockEntry) -> type[Block]:
     mode = _mode(entry, description)
     fmu = Fmu(entry.path, folder, description, mode, {}, bool(entry.isolate and entry.isolate.value))
     archive.binary(folder, fmu.interface.modelIdentifier, fmu.version, fmu.name, entry.type.position)
+    if fmu.isolated and not supervision.AVAILABLE:
+        assert entry.isolate
+        message = f"block {entry.name}: a process of its own needs fork, which this operating system lacks"
+        raise FmuError(message, entry.isolate.position, "remove `isolate`")
     try:
         fmu.ports = _renamed(read_ports(description), entry)
         _read_structure(fmu)

@@ -11,7 +11,7 @@ import os
 import sys
 import threading
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ from cosim.block import Parameter
 from cosim.errors import FmuError, SlaveFailed, TooManyInstances, WrongValue
 from cosim.fmu import adapter, archive, messages
 from cosim.fmu.ports import Port
-from cosim.memory import invoke, words_at
+from cosim.fmu.trace import Trace
+from cosim.memory import invoke, private, words_at
 
 REASONS = {
     adapter.NOT_FINITE: "gave a value that is not finite",
@@ -54,11 +55,11 @@ class _Callbacks2(ctypes.Structure):
 class Library:
     """The shared library of an FMU, and the addresses of its functions."""
 
-    def __init__(self, fmu: Any) -> None:
-        """Raises: FmuError."""
+    def __init__(self, fmu: Any, trace: Trace) -> None:
+        """trace: where the names of functions are noted. Raises: FmuError."""
+        self._trace = trace
         self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
         self.prefix = f"fmi{fmu.version}"
-        self.names: dict[int, str] = {}
         try:
             if sys.platform == "win32":
                 with os.add_dll_directory(str(self.path.parent)):
@@ -77,66 +78,93 @@ class Library:
                 f"`{self.path.name}` has no function {self.prefix}{name}", fix="export the FMU again"
             ) from None
         address = ctypes.cast(function, ctypes.c_void_p).value or 0
-        self.names[address] = self.prefix + name
+        self._trace.name(address, self.prefix + name)
         return address
 
 
 class Instances:
-    """All instances of an FMU block in one run, in Initialization Mode once this is made.
+    """Instances of an FMU block in one run; a `cosim.hosts.Part` of the engine's process.
+
+    Making this calls nothing of the FMU, so that the process which does can be watched from here: see `trace`.
 
     fmu: a `cosim.fmu.importer.Fmu`. slave, calls: its block in the network and its rows in the table. arena: of this
-    run. wanted: the locals that somebody looks at. step: communication step (s).
-    Raises: FmuError, TooManyInstances, SlaveFailed, WrongValue.
+    run. wanted: the locals that somebody looks at. step: communication step (s). zeros: gives the memory of the trace.
+    members: which of the slave's instances, from 0.
     """
 
-    def __init__(self, fmu: Any, slave: Any, calls: Sequence[Any], arena: np.ndarray, step: float, wanted: set[str]):
+    process = ""
+
+    def __init__(
+        self,
+        fmu: Any,
+        slave: Any,
+        calls: Sequence[Any],
+        arena: np.ndarray,
+        step: float,
+        wanted: set[str],
+        zeros: Callable[[int], np.ndarray] = private,
+        members: range | None = None,
+    ) -> None:
         self.fmu = fmu
         self.slave = slave
-        self.library = Library(fmu)
-        self.messages = [messages.Messages() for _ in range(slave.count)]
+        self.calls = calls
+        self.arena = arena
+        self.step = step
+        self.wanted = wanted
+        self.members = range(slave.count) if members is None else members
+        self.trace = Trace(fmu, slave, self.members, zeros)
+        self.link = self.trace.link
         self.handles: list[int] = []
         self.lost: dict[int, int] = {}  # instances that failed, with their status
-        self._began = False
+        self._claimed = 0
         self._keep: list[Any] = []
         self._rows: dict[int, str] = {}
         self._shadows: dict[str, np.ndarray] = {}
+        messages.logger(fmu.version)  # loaded here, so that a process made later finds it
+
+    def open(self) -> None:
+        """Make the instances, up to Initialization Mode.
+
+        Raises: FmuError, TooManyInstances, SlaveFailed, WrongValue.
+        """
+        self.library = Library(self.fmu, self.trace)
         self._claim()
         try:
-            for k in range(slave.count):
+            for k in range(len(self.members)):
                 self._instantiate(k)
-            for k in range(slave.count):
+            for k in range(len(self.members)):
                 self._set_up(k)
-            self._link(step)
-            for call in calls:
-                words_at(arena.ctypes.data + call.frame, adapter.FIRST)[adapter.LINK :] = (
-                    self.link.ctypes.data,
-                    self._plan(call, wanted),
-                )
+            self._link()
+            for call, frame in zip(self.calls, self.frames(), strict=True):
+                words_at(frame, adapter.FIRST)[adapter.LINK :] = self.link.ctypes.data, self._plan(call)
         except BaseException:
-            self.close()
+            self.close(terminate=False)
             raise
+
+    def frames(self) -> list[int]:
+        """The addresses of the calls' frames."""
+        return [self.arena.ctypes.data + call.frame for call in self.calls]
 
     # ---- setting up ----
 
     def _claim(self) -> None:
         """Count what runs in this process, where an FMU cares."""
-        self._claimed = 0
         path = str(self.library.path)
         with _lock:
             if self.fmu.interface.canBeInstantiatedOnlyOncePerProcess and _running[path]:
                 message = f"block {self.slave.name}: `{self.fmu.name}` can have one instance in a process, and has one"
                 raise TooManyInstances(message, self.slave.entry.type.position, "write `isolate: true`")
-            self._claimed = self.slave.count
+            self._claimed = len(self.members)
             _running[path] += self._claimed
 
     def _instantiate(self, k: int) -> None:
         fmu, interface = self.fmu, self.fmu.interface
-        name = f"{self.slave.name}_{k + 1}" if self.slave.fleet else self.slave.name
+        name = f"{self.slave.name}_{self.members[k] + 1}" if self.slave.fleet else self.slave.name
         resources = fmu.folder / "resources"
         resources.mkdir(exist_ok=True)
         logging, categories = _categories(fmu.description)
         token = (fmu.description.guid or "").encode()
-        environment, log = self.messages[k].environment, messages.logger(fmu.version)
+        environment, log = self.trace.messages[k].environment, messages.logger(fmu.version)
         pointer, text, flag = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_bool
         if fmu.version == 2:
             library = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
@@ -145,7 +173,7 @@ class Instances:
             self._keep.append(callbacks)
             kind = int(fmu.kind != adapter.MODEL_EXCHANGE)
             make = ctypes.CFUNCTYPE(pointer, text, ctypes.c_int, text, text, pointer, ctypes.c_int, ctypes.c_int)
-            function = make(self.library.address("Instantiate"))
+            function = make(self._about_to(k, "Instantiate"))
             where = resources.resolve().as_uri().encode()
             handle = function(name.encode(), kind, token, where, ctypes.addressof(callbacks), 0, logging)
         else:
@@ -153,17 +181,17 @@ class Instances:
             first = (name.encode(), token, where, False, bool(logging))
             if fmu.kind == adapter.MODEL_EXCHANGE:
                 make = ctypes.CFUNCTYPE(pointer, text, text, text, flag, flag, pointer, pointer)
-                handle = make(self.library.address("InstantiateModelExchange"))(*first, environment, log)
+                handle = make(self._about_to(k, "InstantiateModelExchange"))(*first, environment, log)
             else:
                 size = ctypes.c_size_t
                 kinds = (text, text, text, flag, flag, flag, flag, pointer, size, pointer, pointer, pointer)
                 make = ctypes.CFUNCTYPE(pointer, *kinds)
                 eventful = fmu.kind == adapter.EVENT_CO_SIMULATION
                 early = eventful and bool(interface.mightReturnEarlyFromDoStep)
-                function = make(self.library.address("InstantiateCoSimulation"))
+                function = make(self._about_to(k, "InstantiateCoSimulation"))
                 handle = function(*first, eventful, early, None, 0, environment, log, None)
         if not handle:
-            raise self._failure(f"{self.library.prefix}Instantiate() gave no instance", k, 0.0)
+            raise self.trace.failure(f"{self.library.prefix}Instantiate() gave no instance", k, 0.0)
         self.handles.append(handle)
         if categories:
             names = (ctypes.c_char_p * len(categories))(*[c.encode() for c in categories])
@@ -176,7 +204,7 @@ class Instances:
         for name, port in self.fmu.ports.items():
             if name in self.slave.values and self._is_given(name, port):
                 values = self.slave.values[name]
-                self._set(k, name, port, values[k if len(values) > 1 else 0])
+                self._set(k, name, port, values[self.members[k] if len(values) > 1 else 0])
         if self.fmu.version == 2:
             self._do(k, "EnterInitializationMode")
         else:
@@ -209,11 +237,17 @@ class Instances:
 
     def _do(self, k: int, name: str, *arguments: int | float, about: str = "") -> None:
         """Call a function of instance k. Raises: SlaveFailed."""
-        status = invoke(self.library.address(name), (self.handles[k], *arguments))
+        status = invoke(self._about_to(k, name), (self.handles[k], *arguments))
         if status > adapter.WARNING:
             self.lost[k] = status
             on = f" for `{about}`" if about else ""
-            raise self._failure(f"{self.library.prefix}{name}(){on} returned {_status(status)}", k, 0.0)
+            raise self.trace.failure(f"{self.library.prefix}{name}(){on} returned {_status(status)}", k, 0.0)
+
+    def _about_to(self, k: int, name: str) -> int:
+        """The address of a function that is called for instance k next."""
+        address = self.library.address(name)
+        self.trace.calling(k, address)
+        return address
 
     # ---- linking ----
 
@@ -222,21 +256,21 @@ class Instances:
         self._keep.append(np.zeros(shape, np.int64))
         return self._keep[-1]
 
-    def _link(self, step: float) -> None:
+    def _link(self) -> None:
         """Fill what all calls share, and a record for each instance."""
-        fmu, count = self.fmu, self.slave.count
+        fmu, count = self.fmu, len(self.members)
         indicators = fmu.description.numberOfEventIndicators if fmu.kind == adapter.MODEL_EXCHANGE else 0
         old, states = self._array(count, max(1, indicators)), max(1, len(fmu.states))
         records = self._array(count, adapter.RECORD_WORDS)
         records[:, adapter.HANDLE] = np.array(self.handles, np.uint64).view(np.int64)
         records[:, adapter.INDICATOR_VALUES] = [row.ctypes.data for row in old]
-        link = self.link = self._array(adapter.LINK_WORDS)
+        link = self.link
         link[adapter.VERSION], link[adapter.KIND] = fmu.version, fmu.kind
         link[adapter.RECORDS] = records.ctypes.data
         link[adapter.STATES], link[adapter.INDICATORS] = len(fmu.states), indicators
         link[adapter.BUFFER] = self._array(states).ctypes.data
         link[adapter.SIGNS] = self._array(max(1, indicators)).ctypes.data
-        link.view(np.float64)[adapter.STEP] = step
+        link.view(np.float64)[adapter.STEP] = self.step
         for word, names in _CALLED.items():
             if word in _needed(fmu):
                 link[word] = self.library.address(names[fmu.version - 2])
@@ -247,7 +281,7 @@ class Instances:
         elif fmu.kind == adapter.EVENT_CO_SIMULATION:
             link[adapter.LEAVE_EVENT_MODE] = self.library.address("EnterStepMode")
 
-    def _plan(self, call: Any, wanted: set[str]) -> int:
+    def _plan(self, call: Any) -> int:
         """The address of the table of what a call exchanges."""
         function = call.function
         slots, slot = {}, adapter.FIRST
@@ -261,7 +295,7 @@ class Instances:
         if function.kind in ("begin", "events"):
             outputs = []
         if function.name == "outputs_locals":
-            outputs = [n for n in outputs if n in wanted]
+            outputs = [n for n in outputs if n in self.wanted]
         plan = self._array(adapter.PLAN_WORDS)
         plan[adapter.FRAME_WORDS], plan[adapter.TASK] = slot, _task(function.kind, self.fmu.kind)
         plan[adapter.N_INPUTS], plan[adapter.N_OUTPUTS] = len(inputs), len(outputs)
@@ -302,8 +336,29 @@ class Instances:
     def _shadow(self, name: str, size: int) -> int:
         """Where the value of a discrete input is kept that the FMU has now; one for all calls."""
         if name not in self._shadows:
-            self._shadows[name] = self._array(-(-self.slave.count * size // 8))
+            self._shadows[name] = self._array(-(-len(self.members) * size // 8))
         return self._shadows[name].ctypes.data
+
+    # ---- what other processes can tell ----
+
+    @property
+    def activity(self) -> int:
+        """A number that changes with every call of the FMU."""
+        return int(self.link[adapter.CALLED])
+
+    @property
+    def busy(self) -> bool:
+        """Whether the loop waits for these instances, if it waits for the block."""
+        return True
+
+    @property
+    def failed(self) -> bool:
+        """Whether a call failed."""
+        return int(self.link[adapter.STATUS]) > adapter.WARNING
+
+    def ended(self, how: str, hung: bool, time: float) -> SlaveFailed:
+        """The error of a process that died or fell silent at a time (s)."""
+        return self.trace.ended(how, hung, time)
 
     # ---- failing and closing ----
 
@@ -312,11 +367,11 @@ class Instances:
         k, status, failed = (int(self.link[w]) for w in (adapter.INSTANCE, adapter.STATUS, adapter.FAILED))
         name = self._rows.get(int(self.link[adapter.ROW]), "")
         if failed in REASONS:
-            return self._failure(f"it {REASONS[failed]}" + (f": `{name}`" if name else ""), k, time)
+            return self.trace.failure(f"it {REASONS[failed]}" + (f": `{name}`" if name else ""), k, time)
         self.lost[k] = status
         on = f" for `{name}`" if name else ""
-        function = self.library.names.get(failed, "a function")
-        return self._failure(f"{function}(){on} returned {_status(status)}{self._last_time(k, function)}", k, time)
+        function = self.trace.name_of(failed) or "a function"
+        return self.trace.failure(f"{function}(){on} returned {_status(status)}{self._last_time(k, function)}", k, time)
 
     def _last_time(self, k: int, function: str) -> str:
         """How far an FMI 2 step got that was discarded."""
@@ -326,29 +381,19 @@ class Instances:
         status = invoke(self.library.address("GetRealStatus"), (self.handles[k], 2, ctypes.addressof(last)))
         return f", it got as far as t = {last.value:g} s" if status == adapter.OK else ""
 
-    def _failure(self, text: str, k: int, time: float) -> SlaveFailed:
-        member = f", {self.slave.fleet} {k + 1}" if self.slave.fleet else ""
-        message = f"block {self.slave.name} ({self.fmu.name}{member}) failed at t = {time:g} s: {text}"
-        said = self.messages[k].last()
-        message += "".join(f"\n    it says {line}" for line in said)
-        return SlaveFailed(message, self.slave.entry.type.position)
-
-    def begin(self) -> None:
-        """Take note that Initialization Mode is over."""
-        self._began = True
-
-    def close(self) -> None:
-        """Terminate and free all instances, as far as their state allows."""
+    def close(self, terminate: bool) -> None:
+        """Terminate (if they were initialized) and free all instances, as far as their state allows."""
         handles, self.handles = self.handles, []
-        with _lock:
-            _running[str(self.library.path)] -= self._claimed
+        if self._claimed:
+            with _lock:
+                _running[str(self.library.path)] -= self._claimed
             self._claimed = 0
         if adapter.FATAL in self.lost.values():
             return  # nothing may be called any more
         for k, handle in enumerate(handles):
-            if self._began and self.lost.get(k, adapter.OK) <= adapter.DISCARD:
-                invoke(self.library.address("Terminate"), (handle,))
-            ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self.library.address("FreeInstance"))(handle)
+            if terminate and self.lost.get(k, adapter.OK) <= adapter.DISCARD:
+                invoke(self._about_to(k, "Terminate"), (handle,))
+            ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._about_to(k, "FreeInstance"))(handle)
 
 
 def _task(kind: str, fmu_kind: int) -> int:

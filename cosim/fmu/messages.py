@@ -74,10 +74,10 @@ def logger(version: int) -> int:
 
 
 class Messages:
-    """The last messages of one instance."""
+    """The last messages of one instance, in zeroed bytes (RING_BYTES,)."""
 
-    def __init__(self) -> None:
-        self._ring = np.zeros(RING_BYTES // 8, np.int64)
+    def __init__(self, ring: np.ndarray) -> None:
+        self._ring = ring.view(np.int64)
 
     @property
     def environment(self) -> int:

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from cosim import run
+from cosim import run, supervision
 from cosim.errors import SlaveFailed, TooManyInstances, WrongValue
 from cosim.run import Run
 
@@ -137,14 +137,20 @@ def test_one_instance_a_process_is_honoured_by_fleets(singles, partners):
         run.load(partners(SINGLE.format(fmu=singles, more="per: robot")))
 
 
-def test_one_instance_a_process_is_honoured_by_runs(singles, partners):
+def test_one_instance_a_process_is_honoured_by_blocks(singles, partners):
+    text = SINGLE.format(fmu=singles, more="start: {x: 1}") + f"  other: {{fmu: {singles}, start: {{x: 1}}}}\n"
+    outcome = Run(run.load(partners(text))).execute()
+    assert isinstance(outcome.error, TooManyInstances)
+    assert Run(run.load(partners(text), ["blocks.other.isolate=true"])).execute().status == "completed"
+
+
+@pytest.mark.skipif(not supervision.AVAILABLE, reason="needs fork")
+def test_each_run_has_a_process_of_its_own(singles, partners):
     network = run.load(partners(SINGLE.format(fmu=singles, more="start: {x: 1}")))
     first, second = Run(network), Run(network)
     first.simulation.initialize()
-    outcome = second.execute()
-    assert isinstance(outcome.error, TooManyInstances)
+    assert second.execute().status == "completed"
     first.simulation.close()
-    assert Run(network).execute().status == "completed"
 
 
 def test_runs_on_threads_share_no_instance(machines, partners):

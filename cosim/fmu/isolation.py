@@ -1,0 +1,91 @@
+"""Isolated FMUs: instances in a server process, which the loop calls through a mailbox.
+
+The server was forked with the run's shared memory in place, so it calls the same adapter, on the same variables, as the
+loop would; only the frames and tables of the calls are its own.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim import kernels
+from cosim.fmu import adapter, mailbox
+from cosim.fmu.instance import Instances
+from cosim.memory import words_at
+
+_KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+
+
+class Served(Instances):
+    """Instances in a process of their own; a `cosim.hosts.Part`."""
+
+    def __init__(self, fmu: Any, slave: Any, calls: Sequence[Any], arena: np.ndarray, *arguments: Any) -> None:
+        super().__init__(fmu, slave, calls, arena, *arguments)
+        alone = len(self.members) == slave.count
+        self.process = slave.name if alone else f"{slave.name} {self.members[0] + 1}"
+        self.box = mailbox.new()
+        self.link_of_loop: np.ndarray | None = None
+        self._code = kernels.raw_module("server", (adapter.adapt, mailbox.serve)).load()
+        self._frames = [self._frame(call) for call in calls]
+        entry = self._code.address("adapt")
+        self._table = np.array([(entry, frame.ctypes.data) for frame in self._frames], np.int64)
+        self.box[mailbox.CALLS] = self._table.ctypes.data
+
+    def _frame(self, call: Any) -> np.ndarray:
+        """A call's frame for these members only."""
+        size = adapter.FIRST + 2 * sum(place is not None for place in call.arguments)
+        frame = words_at(self.arena.ctypes.data + call.frame, size).copy()
+        frame[adapter.COUNT] = len(self.members)
+        frame[adapter.FIRST :: 2] += self.members[0] * frame[adapter.FIRST + 1 :: 2]
+        return frame
+
+    def frames(self) -> list[int]:
+        """The addresses of the calls' frames."""
+        return [frame.ctypes.data for frame in self._frames]
+
+    def serve(self) -> None:
+        """Do calls for the loop, until told to stop."""
+        serve = _KERNEL(self._code.address("serve"))
+        parent = os.getppid()
+        while serve(0.0, self.arena.ctypes.data, self.box.ctypes.data) == mailbox.WARNING:
+            if os.getppid() != parent:
+                os._exit(1)
+
+    def stop(self) -> None:
+        """Have `serve` return; called by who calls the loop, while it rests."""
+        mailbox.post(self.box.ctypes.data, mailbox.STOP, 0.0)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a call has not been answered."""
+        return bool(self.box[mailbox.REQUEST] != self.box[mailbox.ANSWER])
+
+
+def parts(
+    fmu: Any,
+    slave: Any,
+    calls: Sequence[Any],
+    arena: np.ndarray,
+    step: float,
+    wanted: set[str],
+    zeros: Callable[[int], np.ndarray],
+) -> list[Served]:
+    """A server for all instances of a block, or one for each where a process may have only one.
+
+    The arena's frames then name the mailboxes and the number of the call.
+    """
+    once = fmu.interface.canBeInstantiatedOnlyOncePerProcess
+    groups = [range(k, k + 1) for k in range(slave.count)] if once else [range(slave.count)]
+    servers = [Served(fmu, slave, calls, arena, step, wanted, zeros, members) for members in groups]
+    link = zeros(8 * (mailbox.BOXES + len(servers))).view(np.int64)
+    link[mailbox.SERVERS] = len(servers)
+    link[mailbox.BOXES :] = [server.box.ctypes.data for server in servers]
+    servers[0].link_of_loop = link
+    for number, call in enumerate(calls):
+        words_at(arena.ctypes.data + call.frame, adapter.FIRST)[adapter.LINK :] = link.ctypes.data, number
+    return servers

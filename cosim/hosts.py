@@ -1,0 +1,197 @@
+"""Where the loop and the foreign blocks of one run live: in this process, or in forked ones that it survives.
+
+=====================  =========================================================================
+this process           all of it, where nothing is foreign, or where there is no fork
+the engine's process   the loop, and foreign blocks that are called by address
+servers                isolated foreign blocks, which the loop calls through shared memory
+=====================  =========================================================================
+
+All memory of a run that has forked processes is shared, so that after a crash it tells what was being done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+import numpy as np
+
+from cosim import engine
+from cosim.errors import BlockFailed, CosimError
+from cosim.supervision import Commands, Crew, Ended
+from cosim.table import Call, Table
+
+ENGINE = "engine"
+
+
+class Part(Protocol):
+    """Instances of a foreign block that live together in one process: that of the name, "" for the engine's.
+
+    `open`, `failure`, `close` and `serve` are called there; the rest tells of it from shared memory. A part with a
+    process of its own serves the loop until it is told to `stop`.
+    """
+
+    process: str
+
+    def open(self) -> None: ...
+    def failure(self, time: float) -> CosimError: ...
+    def close(self, terminate: bool) -> None: ...
+    def serve(self) -> None: ...
+    def stop(self) -> None: ...
+    @property
+    def activity(self) -> int: ...
+    @property
+    def busy(self) -> bool: ...
+    @property
+    def failed(self) -> bool: ...
+    def ended(self, how: str, hung: bool, time: float) -> CosimError: ...
+
+
+Parts = Mapping[str, Sequence[Part]]
+
+
+class Here:
+    """All in this process."""
+
+    def __init__(self, parts: Parts, loop: Commands) -> None:
+        self._parts = parts
+        self._loop = loop
+        self._opened: list[Part] = []
+
+    def open(self) -> None:
+        """Make all instances of foreign blocks. Raises: CosimError."""
+        for part in _all(self._parts):
+            part.open()
+            self._opened.append(part)
+
+    def run(self, command: str) -> int:
+        """Have the loop do something. Returns the status."""
+        return self._loop[command]()
+
+    def failure(self, slave: str, time: float) -> CosimError:
+        """Why a call of a foreign block failed at a time (s)."""
+        return _failed(self._parts[slave]).failure(time)
+
+    def close(self, terminate: bool) -> None:
+        """End all instances; terminate: they were initialized."""
+        while self._opened:
+            self._opened.pop().close(terminate)
+
+
+class Forked:
+    """The loop in a process of its own, and each isolated part in another; the same methods as `Here`.
+
+    All raise the error that says whose call was under way when a process died or fell silent.
+    """
+
+    def __init__(self, parts: Parts, loop: Commands, watch: Watch, patience: float) -> None:
+        """patience: how long (s) a foreign call may take."""
+        self._parts = parts
+        self._index = {id(part): k for k, part in enumerate(_all(parts))}
+        self._watch = watch
+        self._serving: list[Part] = []
+        self._crew = Crew(watch.activity, patience)
+        known = list(_all(parts))
+
+        def ask(k: int, method: str, *arguments: Any) -> Any:
+            return getattr(known[k], method)(*arguments)
+
+        for part in known:
+            if part.process:
+                self._crew.hire(part.process, {"part": ask})
+        self._crew.hire(ENGINE, {"part": ask, **loop})
+
+    def open(self) -> None:
+        """As of `Here`."""
+        for part in _all(self._parts):
+            self._ask(part, "open")
+            if part.process:
+                self._crew.tell(part.process, "part", self._index[id(part)], "serve")
+                self._serving.append(part)
+
+    def run(self, command: str) -> int:
+        """As of `Here`."""
+        with self._watch.blaming():
+            return self._crew.do(ENGINE, command)
+
+    def failure(self, slave: str, time: float) -> CosimError:
+        """As of `Here`."""
+        return self._ask(_failed(self._parts[slave]), "failure", time)
+
+    def close(self, terminate: bool) -> None:
+        """As of `Here`, if the processes still live."""
+        if self._crew.at_work:
+            for part in _all(self._parts):
+                self._ask(part, "close", terminate)
+            self._crew.dismiss()
+
+    def _ask(self, part: Part, method: str, *arguments: Any) -> Any:
+        """Have a part do something in its process, which then serves no longer."""
+        with self._watch.blaming(part):
+            if part in self._serving:
+                self._serving.remove(part)
+                part.stop()
+                self._crew.answer(part.process)
+            return self._crew.do(part.process or ENGINE, "part", self._index[id(part)], method, *arguments)
+
+
+class Watch:
+    """Tells from shared memory what a run is doing, and whose fault its end is."""
+
+    def __init__(self, table: Table, control: np.ndarray, parts: Parts) -> None:
+        self._table = table
+        self._control = control
+        self._parts = parts
+        self._asked: Part | None = None  # the part that is opened, asked or closed; else the loop is at work
+
+    def activity(self) -> tuple[int, ...] | None:
+        """What changes as long as a foreign block does something; None while a native one is at work."""
+        if self._asked is None and self._call().slave not in self._parts:
+            return None
+        calls = [part.activity for part in _all(self._parts)]
+        return int(self._control[engine.STEP]), int(self._control[engine.AT]), *calls
+
+    @contextmanager
+    def blaming(self, part: Part | None = None) -> Iterator[None]:
+        """Inside, a part, else the loop, is at work. Raises: CosimError that names who ended a process."""
+        self._asked = part
+        try:
+            yield
+        except Ended as end:
+            raise self._error(end) from None
+        finally:
+            self._asked = None
+
+    def _error(self, end: Ended) -> CosimError:
+        time = int(self._control[engine.STEP]) * self._table.network.diagram.run.step
+        part = next((p for p in _all(self._parts) if p.process == end.name), self._asked)
+        call = self._call()
+        if part is None and call.slave in self._parts:
+            candidates = self._parts[call.slave]
+            if end.hung:
+                part = next((p for p in candidates if p.busy), None)
+            else:
+                part = next((p for p in candidates if not p.process), None)
+        if part is not None:
+            return part.ended(end.how, end.hung, time)
+        slave = self._table.network.slaves[call.slave]
+        message = f"block {slave.name}: {end.how} in {call.function.name}() at t = {time:g} s"
+        inside = sorted({p for p, parts in self._parts.items() if not all(part.process for part in parts)})
+        fix = f"to see whether {', '.join(inside)} did it, write `isolate: true` there" if inside else ""
+        return BlockFailed(message, slave.entry.position, fix)
+
+    def _call(self) -> Call:
+        """The call that is being done, or was last."""
+        operations, at = self._table.operations, int(self._control[engine.AT])
+        at = at if 0 <= at < len(operations) else 0
+        is_call = operations[at, engine.KIND] == engine.CALL
+        return self._table.calls[int(operations[at, engine.A]) if is_call else 0]
+
+
+def _all(parts: Parts) -> Iterator[Part]:
+    return (part for several in parts.values() for part in several)
+
+
+def _failed(parts: Sequence[Part]) -> Part:
+    return next((part for part in parts if part.failed), parts[0])
