@@ -85,7 +85,7 @@ def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
         _limit_decades(axis, values)
     unit = style.unit_text(found[0][1].unit) if found and not panel.derivative else ""
     label = panel.label or (panel.signals[0] if len(panel.signals) == 1 else "")
-    axis.set_ylabel(f"{label} ({unit})" if unit and "(" not in label.split("$")[-1] else label)
+    axis.set_ylabel(f"{label} ({unit})" if unit else label)
     axis.set_xlabel(panel.over_label or panel.over or "time (s)")
     axis.set_title(panel.title)
     if panel.limits:

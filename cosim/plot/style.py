@@ -86,7 +86,7 @@ def line(k: int) -> dict[str, Any]:
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is printed after a quantity, such as `m s⁻²` for `m/s2`; dimensionless is nothing."""
+    """A unit as it is printed after a quantity, such as `m s$^{-2}$` for `m/s2`; dimensionless is nothing."""
     if unit in ("", "1"):
         return ""
     over, *under = unit.replace("*", ".").split("/")
@@ -97,4 +97,4 @@ def unit_text(unit: str) -> str:
 def _power(part: str, sign: int) -> str:
     name = part.rstrip("0123456789-^")
     exponent = sign * int(part[len(name) :].strip("^") or 1)
-    return name if exponent == 1 else name + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return name if exponent == 1 else f"{name}$^{{{exponent}}}$"

@@ -1,0 +1,81 @@
+"""How much a study costs beyond its runs: random starts of the formation, against the solve time of one run.
+
+    python benchmarks/study.py [COUNT]
+
+Prints total time / (COUNT x one run's solve time / processors), which is 1 for a study that costs nothing, and the
+peak of memory after a tenth of the runs and after all of them.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+
+from cosim.run import Run
+from cosim.study import description, running
+from cosim.study.executors import processors
+from cosim.study.plan import members
+from cosim.study.running import Options
+from cosim.study.variants import Variants
+
+SETTINGS = ("grid={}", "variants={APFTVT: {}}", "explain=null", "figures={}")
+SINGLE_RUNS = 7
+
+
+def study(count: int) -> description.Study:
+    path = Path(__file__).parents[1] / "diagrams" / "studies" / "robustness.yaml"
+    return description.load(path, [*SETTINGS, f"random.count={count}"])
+
+
+def solve_time() -> float:
+    """Seconds that one run takes to solve, alone: the median of several starts."""
+    one = study(SINGLE_RUNS)
+    variants = Variants(one)
+    times = []
+    for member in members(one, variants.draws()):
+        prepared = variants.prepared(member)
+        times.append(Run(prepared.network, prepared=(prepared.table, prepared.kernels)).execute().seconds["solve"])
+    return statistics.median(times)
+
+
+def peak_megabytes() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def main() -> None:
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    before = solve_time()
+    peaks: dict[int, float] = {}
+    note = {count // 10, count}
+
+    def watch(done: int, total: int) -> None:
+        if done in note:
+            peaks[done] = round(peak_megabytes(), 1)
+
+    with tempfile.TemporaryDirectory() as folder:
+        results = running.run(study(count), Options(Path(folder), watch=watch))
+        mean = statistics.mean(row["seconds"] for row in results.rows())
+    one = statistics.median([before, solve_time()])
+    ideal = count * one / processors()
+    print(
+        json.dumps(
+            {
+                "runs": count,
+                "processors": processors(),
+                "seconds": round(results.seconds, 2),
+                "one_run_alone_seconds": round(one, 4),
+                "one_run_in_the_study_seconds": round(mean, 4),
+                "ratio": round(results.seconds / ideal, 3),
+                "overhead_per_run_ms": round(1e3 * (results.seconds * processors() / count - mean), 2),
+                "peak_megabytes": peaks,
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()

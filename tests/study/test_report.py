@@ -1,0 +1,116 @@
+"""The report: one file, in plain words computed from the numbers, which a browser shows without a network."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from cosim.cli import main
+from cosim.report import document, words
+from tests.study.conftest import DIAGRAM, STUDY, written
+
+pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra `plot`)")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+TEXT = """
+    title: A & B <are studied>
+    diagram: diagram.yaml
+    variants:
+      plain: {description: as it is}
+      slow: {description: slower, set: {blocks.lag.parameters.T: 2}}
+    record: true
+    references:
+      the book: {plain: {top: 2.0, low: -0.5}, slow: {top: 20}}
+    figures:
+      Fig. 1: {caption: all lags, panels: [{signals: swing.x, label: x}]}
+      Fig. 2: {kind: distribution, metric: top, caption: how tops are spread}
+    """
+
+
+@pytest.fixture
+def report(tmp_path, monkeypatch):
+    """Write a study, report it, and return the page's path."""
+
+    def make(text=TEXT):
+        monkeypatch.chdir(tmp_path)
+        written(tmp_path, DIAGRAM, "diagram.yaml")
+        written(tmp_path, text, "study.yaml")
+        assert main(["report", "study.yaml"]) == 0
+        return tmp_path / "results" / "study" / "report.html"
+
+    return make
+
+
+def test_the_page_holds_everything_itself(report):
+    text = report().read_text()
+    assert "A &amp; B &lt;are studied&gt;" in text
+    assert text.count("<figure>") == 2
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", text)
+    assert "resolved diagram of slow" in text
+    assert "numpy" in text and "numba" in text
+    assert "3 figures beside the book" in text
+
+
+def test_a_browser_shows_tables_and_pictures_without_a_network(report, tmp_path):
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip("no browser: apt-get install chromium")
+    script = """<script>addEventListener("load", () => {
+      const images = [...document.images].filter(i => i.complete && i.naturalWidth > 100).length;
+      const rows = document.querySelectorAll("tbody tr").length;
+      const wide = document.documentElement.scrollWidth > innerWidth;
+      document.body.setAttribute("data-seen", `${images} pictures, ${rows} rows, ${wide ? "too wide" : "fits"}`);
+    })</script>"""
+    page = tmp_path / "watched.html"
+    page.write_text(report().read_text().replace("</body>", script + "</body>"))
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND"]
+    command = [browser, *options, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", page.as_uri()]
+    dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    assert 'data-seen="2 pictures, 5 rows, fits"' in dom
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "expected"),
+    [
+        (1.0, 4.0, "m: 1 here, 4 in X: 4 times smaller."),
+        (1.5, 1.0, "m: 1.5 here, 1 in X: 50 % larger."),
+        (-3.0, -1.0, "m: -3 here, -1 in X: 3 times larger in size."),
+        (-1.0, 1.0, "m: -1 here, 1 in X."),
+        (float("nan"), 1.0, "m: no value here, 1 in X."),
+    ],
+)
+def test_differences_in_words(ours, theirs, expected):
+    assert words.difference("m", ours, "X", theirs) == expected
+
+
+def test_confidence_is_that_of_clopper_and_pearson():
+    # With no failure in n runs the lower bound is (alpha / 2)^(1 / n); the intervals of k and n - k mirror each other.
+    low, high = words.confidence(500, 500)
+    assert (low, high) == (pytest.approx(0.025 ** (1 / 500)), 1.0)
+    assert words.confidence(3, 20) == pytest.approx(tuple(1 - p for p in words.confidence(17, 20)[::-1]))
+    # Binomial tails at the bounds are 2.5 % each.
+    from math import comb
+
+    low, high = words.confidence(3, 20)
+    assert sum(comb(20, k) * low**k * (1 - low) ** (20 - k) for k in range(3, 21)) == pytest.approx(0.025)
+    assert sum(comb(20, k) * high**k * (1 - high) ** (20 - k) for k in range(4)) == pytest.approx(0.025)
+
+
+def test_failures_are_explained_by_what_differs(results):
+    done = results(STUDY.rstrip() + "\n    explain: {baseline: plain, metric: top, below: 1.7}\n")
+    rows = list(done.rows())
+    text = "\n".join(words.explanation(done.study, rows))
+    good = {v: sum(r["metrics"]["top"] < 1.7 for r in rows if r["variant"] == v) for v in ("plain", "slow")}
+    assert f"plain: top below 1.7 in {good['plain']} of 12 runs" in text
+    assert f"slow: top below 1.7 in {good['slow']} of 12 runs" in text
+    assert good["plain"] != good["slow"]
+    assert "cosim study" in text and "--member" in text
+
+
+def test_failed_runs_are_counted_with_their_reasons(results, tmp_path):
+    done = results("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [1, 1.0e200, 2]}}")
+    text = "\n".join(words.failures(done.study, list(done.rows())))
+    assert "1 of 3 runs did not come to their end" in text
+    assert "not finite" in text and "(base-1)" in text
+    document.write(tmp_path / "report.html", [done])
+    assert "not finite" in (tmp_path / "report.html").read_text()
