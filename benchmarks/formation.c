@@ -266,8 +266,11 @@ static void controller(void) { /* (26), (30), (33) */
 
 static double norm(double values[N][DIM]) {
     double square = 0.0;
-    for (int i = 0; i < N; i++)
-        for (int q = 0; q < DIM; q++) square += values[i][q] * values[i][q];
+    for (int i = 0; i < N; i++) {
+        double row = 0.0;
+        for (int q = 0; q < DIM; q++) row += values[i][q] * values[i][q];
+        square += row;
+    }
     return sqrt(square);
 }
 

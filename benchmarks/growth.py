@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim import run
+from cosim.simulation import KERNEL
 
 DIAGRAMS = Path(__file__).parent.parent / "diagrams"
 ROBOT_STEPS = 3_000_000  # how much a measurement does: robots times steps
@@ -57,7 +58,7 @@ def search(robots: int) -> float:
     simulation = run.Run(network).simulation
     simulation.initialize()
     n = next(n for n, c in enumerate(simulation.table.calls) if c.slave == "topology" and c.function.name == "outputs")
-    kernel = type(simulation._run)(int(simulation._functions[n]))
+    kernel = KERNEL(int(simulation._functions[n]))
     base = simulation.arena.ctypes.data
     frame = base + simulation.table.calls[n].frame
     calls = max(3, 100_000 // robots)
