@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #if FMI == 2
 #include "fmi2Functions.h"
@@ -28,7 +29,9 @@ typedef fmi3Instance Handle;
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 enum { INSTANTIATED = 1, INITIALIZING = 2, RUNNING = 4, EVENT = 8, STOPPED = 16 };
-enum { NONE, F_DISCARD, F_ERROR, F_FATAL, F_NAN, F_EARLY, F_END, F_WARN, F_REFUSE, F_SEGFAULT, F_HANG, F_STUCK };
+enum { NONE, F_DISCARD, F_ERROR, F_FATAL, F_NAN, F_EARLY, F_END, F_WARN, F_REFUSE, F_SEGFAULT, F_HANG, F_STUCK,
+       F_ABORT, F_EXIT, F_CLOSE };
+enum { IN_EXIT_INITIALIZATION = 100, IN_TERMINATE = 200, IN_FREE = 300 }; /* added to a fault: not in a step, but there */
 enum { U = 1, X, Y, T, FAULT_TIME, H, V, DX, DH, DV, FAULT = 20, BOUNCES, N, M, TICKS, COLOR, ON = 30, OFF, NAME = 40,
        ARRAY = 50, TWICE, SHORT, SHORT_NEXT, BYTE, BYTE_NEXT };
 
@@ -61,6 +64,16 @@ static Status say(Machine *m, Status status, const char *what) {
 
 #define ALLOWED(states) do { if (!(m->state & (states))) return say(m, ERROR, __func__); } while (0)
 static int faulty(Machine *m, int fault) { return m->fault == fault && m->time >= m->fault_time - 1e-12; }
+
+static void misbehave(int fault) {
+    switch (fault) {
+    case F_SEGFAULT: *(volatile int *)8 = 1; break;
+    case F_HANG: for (volatile int k = 0;; k++) {}
+    case F_ABORT: abort();
+    case F_EXIT: exit(3);
+    case F_CLOSE: for (int file = 3; file < 1024; file++) close(file);
+    }
+}
 
 static Status set_real(Machine *m, Reference r, double value) {
     switch (r) {
@@ -132,8 +145,10 @@ static Status advance(Machine *m, double t, double h) {
     if (faulty(m, F_DISCARD)) return say(m, DISCARD, "cannot do this step");
     if (faulty(m, F_ERROR)) return say(m, ERROR, "cannot go on");
     if (faulty(m, F_FATAL)) return say(m, FATAL, "all is lost");
-    if (faulty(m, F_SEGFAULT)) *(volatile int *)8 = 1;
-    while (faulty(m, F_HANG)) {}
+    if (m->time >= m->fault_time - 1e-12) {
+        if (m->fault >= F_SEGFAULT) say(m, WARNING, "a bad feeling");
+        misbehave(m->fault);
+    }
     double dx = (m->u - m->x) / m->tau, dh = m->v;
     m->x += h * dx;
     m->h += h * dh;
@@ -152,13 +167,19 @@ static Machine *create(int me, void *environment) {
 /* ---- functions that both versions have ---- */
 
 Status F(SetDebugLogging)(Handle c, Flag on, size_t n, const char *const categories[]) { return OK; }
-void F(FreeInstance)(Handle c) { free(c); }
+void F(FreeInstance)(Handle c) { misbehave(((Machine *)c)->fault - IN_FREE); free(c); }
 Status F(ExitInitializationMode)(Handle c) {
     Machine *m = c; ALLOWED(INITIALIZING);
+    misbehave(m->fault - IN_EXIT_INITIALIZATION);
     m->state = m->me || m->eventful ? EVENT : RUNNING;
     return OK;
 }
-Status F(Terminate)(Handle c) { Machine *m = c; ALLOWED(RUNNING | EVENT); m->state = STOPPED; return OK; }
+Status F(Terminate)(Handle c) {
+    Machine *m = c; ALLOWED(RUNNING | EVENT);
+    misbehave(m->fault - IN_TERMINATE);
+    m->state = STOPPED;
+    return OK;
+}
 Status F(EnterEventMode)(Handle c) { Machine *m = c; ALLOWED(RUNNING); m->state = EVENT; return OK; }
 Status F(EnterContinuousTimeMode)(Handle c) { Machine *m = c; ALLOWED(EVENT); m->state = RUNNING; return OK; }
 Status F(SetTime)(Handle c, double t) { Machine *m = c; ALLOWED(RUNNING | EVENT); m->time = t; return OK; }
@@ -194,6 +215,7 @@ Status F(CompletedIntegratorStep)(Handle c, Flag no_set, Flag *enter, Flag *end)
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String where,
                               const fmi2CallbackFunctions *f, fmi2Boolean visible, fmi2Boolean logging) {
     if (strcmp(guid, "machine") || strncmp(where, "file:///", 8)) return NULL;
+    if (!strcmp(name, "crash")) misbehave(F_SEGFAULT);
     Machine *m = create(type == fmi2ModelExchange, f->componentEnvironment);
     m->log = f->logger;
     return m;
