@@ -28,7 +28,7 @@ def print_network(network: Network) -> None:
     if findings:
         print("\nconditions:")
         for finding in findings:
-            print(f"  {'holds ' if finding.holds else 'FAILS '} {_finding(finding)}")
+            print(f"  {'holds ' if finding.holds else 'FAILS '} {finding.summary}")
     broken = [f for f in findings if not f.holds]
     sys.stdout.flush()
     print_warnings(warning_of(network, finding) for finding in broken)
@@ -36,12 +36,7 @@ def print_network(network: Network) -> None:
 
 def warning_of(network: Network, finding: Finding) -> CosimError:
     """A condition that fails, as a warning at its block's place."""
-    return CosimError(_finding(finding), network.slaves[finding.slave].entry.position)
-
-
-def _finding(finding: Finding) -> str:
-    numbers = f": {finding.numbers}" if finding.numbers else ""
-    return f"{finding.slave}: {finding.source or 'condition'}, {finding.text}{numbers}"
+    return CosimError(finding.summary, network.slaves[finding.slave].entry.position)
 
 
 def _slave_row(network: Network, slave: Slave) -> list[str]:

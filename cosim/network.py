@@ -65,6 +65,12 @@ class Finding:
     holds: bool
     numbers: str
 
+    @property
+    def summary(self) -> str:
+        """One line: block, source, condition, numbers."""
+        numbers = f": {self.numbers}" if self.numbers else ""
+        return f"{self.slave}: {self.source or 'condition'}, {self.text}{numbers}"
+
 
 @dataclass
 class Slave:

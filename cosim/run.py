@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim import diagram as diagrams
-from cosim import interruption, results, simulation, table, wiring
+from cosim import interruption, results, rules, simulation, table, wiring
 from cosim import metrics as reductions
 from cosim.block import Local, Output
 from cosim.diagram import Diagram
@@ -52,6 +52,7 @@ class Outcome:
     results: str | None
     error: CosimError | None = None
     events: list[Event] = field(default_factory=list)
+    warnings: list[CosimError] = field(default_factory=list)  # what an FMU makes different from the diagram as written
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
 
@@ -61,6 +62,8 @@ class Outcome:
         content = {name: getattr(self, name) for name in names}
         if self.error:
             content["error"] = str(self.error)
+        if self.warnings:
+            content["warnings"] = [str(warning) for warning in self.warnings]
         return json.dumps(reductions.for_json(content), ensure_ascii=False)
 
 
@@ -207,9 +210,17 @@ class Run:
             results=str(self.output) if self.output else None,
             error=error,
             events=events,
+            warnings=_warnings(self.network),
             units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
             windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},
         )
+
+
+def _warnings(network: Network) -> list[CosimError]:
+    """The conditions of foreign blocks that do not hold, such as outputs without a step of delay."""
+    foreign = {name: slave.entry.position for name, slave in network.slaves.items() if slave.declaration.foreign}
+    broken = [f for f in rules.conditions(network) if f.slave in foreign and not f.holds] if foreign else []
+    return [CosimError(f.summary, foreign[f.slave]) for f in broken]
 
 
 def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:

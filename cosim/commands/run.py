@@ -51,6 +51,7 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
     print(f"\n{outcome.status} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
     print(f"recorded in {outcome.results}")
     sys.stdout.flush()
+    terminal.print_warnings(outcome.warnings)
     for event in outcome.events:
         first = event.times if isinstance(event.times, float) else min(e["time"] for e in event.times)
         terminal.print_warnings([CosimError(f"{event.signal}: {event.text}, first at t = {first:g} s")])

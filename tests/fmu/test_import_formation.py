@@ -79,6 +79,9 @@ def test_feedthrough_as_fmi2_cosimulation_is_delayed_and_said_to_be(swapped, for
     finding = next(f for f in rules.conditions(network) if f.slave == "observer" and not f.holds)
     assert "w_hat on x" in finding.numbers
     assert "one step of delay" in finding.numbers
+    outcome = run.Run(network).execute()
+    assert any("one step of delay" in str(warning) for warning in outcome.warnings)
+    assert "one step of delay" in outcome.as_json()
 
 
 @pytest.mark.parametrize(
