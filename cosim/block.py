@@ -36,6 +36,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -151,7 +152,7 @@ class Rule:
     function: Callable[..., bool | tuple[bool, str]]
     warning: bool = False
 
-    @property
+    @cached_property
     def arguments(self) -> tuple[str, ...]:
         """What the rule's function names."""
         return tuple(inspect.signature(self.function).parameters)

@@ -31,10 +31,13 @@ class Library:
         self._engine: Any = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
+        self._addresses: dict[str, int] = {}
 
     def address(self, symbol: str) -> int:
         """The address of a function. Raises: KeyError where the object has no such symbol."""
-        address = self._engine.get_function_address(symbol)
-        if not address:
-            raise KeyError(symbol)
-        return address
+        if symbol not in self._addresses:
+            address = self._engine.get_function_address(symbol)
+            if not address:
+                raise KeyError(symbol)
+            self._addresses[symbol] = address
+        return self._addresses[symbol]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ def key(prepared: Prepared) -> str:
     Titles, names of files and comments are not in it.
     """
     made, diagram = prepared.table, prepared.network.diagram
-    digest = hashlib.sha256(metadata.version("cosim").encode())
+    digest = hashlib.sha256(_version().encode())
     for array in (made.operations, made.banks, made.arena):
         digest.update(array.tobytes())
     record = diagram.record
@@ -37,9 +38,22 @@ def key(prepared: Prepared) -> str:
     return digest.hexdigest()[:32]
 
 
+@cache
+def _content(path: Path, modified: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@cache
+def _version() -> str:
+    return metadata.version("cosim")
+
+
 def _identity(prepared: Prepared, call: table.Call) -> list[Any]:
-    """What stands behind a call: the compiled module, or the Python function as it is now."""
+    """What stands behind a call: the compiled module, the Python function as it is now, an FMU's content."""
     module = prepared.kernels.modules[call.slave]
+    entry = prepared.network.slaves[call.slave].entry
+    if entry.kind == "fmu":
+        return [_content(entry.path, entry.path.stat().st_mtime_ns), call.function.name, call.count]
     return [module.key if module else kernels.fingerprint(call.function.python), call.function.name, call.count]
 
 

@@ -110,9 +110,8 @@ class Variants:
         problems.raise_if_any()
 
     def shareable(self) -> bool:
-        """Whether several members may run in one process: not if a block can be in a process only once."""
-        slaves = [slave for name in self.study.variants for slave in self.base(name).slaves.values()]
-        return all(getattr(slave.declaration, "shareable", True) for slave in slaves)
+        """Whether members may run at once in one process: not with the code of FMUs, which nobody vouches for."""
+        return not any(has_foreign(self.base(name)) for name in self.study.variants)
 
     def base(self, variant: str) -> Network:
         """A variant as it is without grid and draws. Raises: DiagramErrors."""
@@ -137,13 +136,13 @@ class Variants:
         problems.raise_if_any()
         point = plan.grid_settings(self.study, (0,) * len(self.study.grid))
 
+        beginnings = _Beginnings()
+
         def accepts(settings: Settings) -> bool:
             if not signals:
                 return True
             try:
-                prepared = self.prepared(Member(first, settings=(*point, *settings)))
-                start = Simulation(prepared.table, prepared.kernels)
-                start.initialize()
+                start = beginnings.at(self.prepared(Member(first, settings=(*point, *settings))))
             except CosimError:
                 return False
             found = [(start.value(signal), bounds) for signal, bounds in signals]
@@ -217,6 +216,32 @@ class Variants:
                 node = node.value[index]
             shape = Value.read(node, draw.paths[0]).shape
         return np.broadcast_shapes(shape, draw.a.shape, draw.b.shape)
+
+
+class _Beginnings:
+    """Runs that are only begun, to see where they start; one simulation serves all that share a template.
+
+    An FMU is begun only once in its life, so a diagram with one gets a new simulation each time.
+    """
+
+    def __init__(self) -> None:
+        self._simulations: dict[int, Simulation] = {}
+
+    def at(self, prepared: Prepared) -> Simulation:
+        """A simulation of that member at time zero. Raises: BlockFailed."""
+        key = id(prepared.kernels)
+        if has_foreign(prepared.network) or key not in self._simulations:
+            self._simulations[key] = Simulation(prepared.table, prepared.kernels)
+        simulation = self._simulations[key]
+        simulation.arena[:] = prepared.table.arena
+        simulation.initialize()
+        simulation.close()
+        return simulation
+
+
+def has_foreign(network: Network) -> bool:
+    """Whether FMUs are among the blocks."""
+    return any(slave.declaration.foreign for slave in network.slaves.values())
 
 
 def address_of(network: Network, path: str) -> Address | None:
