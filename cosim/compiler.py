@@ -16,7 +16,7 @@ from cosim import native
 from cosim.errors import KernelError
 
 if TYPE_CHECKING:
-    from cosim.kernels import Source
+    from cosim.adapters import Source
 
 #: Functions of the C library that object code may call; anything else would need a run time of numba's.
 _LIBC = (

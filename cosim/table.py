@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cosim import engine, order
+from cosim.adapters import run_time_dimensions, variable_of
 from cosim.block import Function, Input, Parameter, State, Variable
 from cosim.errors import FmuError
-from cosim.kernels import run_time_dimensions, variable_of
 from cosim.memory import ALIGNMENT, private
 from cosim.network import Network, Signal, Slave
 

@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from cosim import engine, kernels
+from cosim import cache, engine
+from cosim.adapters import Source, block_source, raw_source
 from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
 from cosim.fmu import faults, source
 from cosim.fmu.model import Model
-from cosim.kernels import Source
 from cosim.network import Slave
 
 WRAPPER = Path(__file__).parent / "wrapper"
@@ -99,7 +99,7 @@ class Unit:
 def units(model: Model) -> tuple[list[Unit], list[str]]:
     """The loop and the block types of a model, and the symbol of each call's function."""
     loop = tuple(
-        replace(kernels._raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (engine.run, engine.execute)
+        replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (engine.run, engine.execute)
     )
     found: dict[tuple[object, ...], Unit] = {}
     owner: dict[str, str] = {}
@@ -113,7 +113,7 @@ def units(model: Model) -> tuple[list[Unit], list[str]]:
 
 
 def _unit(slave: Slave, name: str) -> Unit:
-    sources = [kernels._block_source(slave.declaration, f, slave.constants()) for f in slave.declaration.functions]
+    sources = [block_source(slave.declaration, f, slave.constants()) for f in slave.declaration.functions]
     return Unit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources), f"{name}_faults")
 
 
@@ -125,7 +125,7 @@ class Objects:
 
     def of(self, unit: Unit, platform: Platform) -> bytes:
         """The object code of a unit. Raises: KernelError."""
-        path = kernels.cache_folder() / f"fmu-{platform.name}-{self._key(unit, platform)}.o"
+        path = cache.folder() / f"fmu-{platform.name}-{self._key(unit, platform)}.o"
         if path.exists():
             return path.read_bytes()
         from cosim import compiler
@@ -137,12 +137,12 @@ class Objects:
             self._ir[unit.name] = faults.with_texts(ir, unit.faults) if unit.faults else ir
         keep = [s.symbol for s in unit.sources] + ([unit.faults] if unit.faults else [])
         code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", keep, unit.name)
-        kernels._write(path, code)
+        cache.write(path, code)
         return code
 
     def _key(self, unit: Unit, platform: Platform) -> str:
         parts = [Path(module).read_text() for module in (__file__, faults.__file__)]
-        parts += [*kernels._compilers(), platform.triple, platform.cpu]
+        parts += [*cache.toolchain(), platform.triple, platform.cpu]
         parts += [source.symbol + source.fingerprint for source in unit.sources]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 

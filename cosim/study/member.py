@@ -10,7 +10,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cosim import kernels, table
+from cosim import table
+from cosim.adapters import fingerprint
 from cosim.errors import CosimError
 from cosim.metrics import for_json
 from cosim.run import Outcome, Run
@@ -54,7 +55,7 @@ def _identity(prepared: Prepared, call: table.Call) -> list[Any]:
     entry = prepared.network.slaves[call.slave].entry
     if entry.kind == "fmu":
         return [_content(entry.path, entry.path.stat().st_mtime_ns), call.function.name, call.count]
-    return [module.key if module else kernels.fingerprint(call.function.python), call.function.name, call.count]
+    return [module.key if module else fingerprint(call.function.python), call.function.name, call.count]
 
 
 def _place(prepared: Prepared, metric: Any) -> list[Any]:
