@@ -1,9 +1,8 @@
 """The kernel that stands between the loop and an FMU: set inputs, step, get outputs, handle events.
 
-Generic: one compiled function serves every FMU of either FMI version, because all that differs is data. A frame is
-``[fault, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that all calls of
-one block share, `plan` of one that belongs to the call; `cosim.fmu.instance` fills both. Like `cosim.engine`, this is
-one source for both engines, and nothing here allocates or returns to Python.
+Generic: one compiled function serves every FMU of either FMI version, because all that differs is data, laid out as
+`cosim.fmu.layout` says. Like `cosim.engine`, this is one source for both engines, and nothing here allocates or returns
+to Python.
 
 The calls keep to the state machines of FMI 2.0.5 (sections 3.2.3 and 4.2.4) and FMI 3.0.2 (sections 2.3, 3.2, 4.2):
 
@@ -21,68 +20,79 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.memory import bytes_at, integers_at, invoke, reals_at, words_at
-
-OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-
-# A frame's words before the arguments.
-FAULT, COUNT, LINK, PLAN, FIRST = range(5)
-
-# What all calls of a block share. Functions are addresses, 0 where the FMU has none.
-LINK_WORDS = 32
-(
-    VERSION,
-    KIND,
-    RECORDS,
-    STATES,
-    INDICATORS,
-    BUFFER,  # the states in the FMU's order
-    SIGNS,  # the event indicators
-    STEP,  # communication step, a float64 (s)
+from cosim.fmu.layout import (
+    ADVANCE,
+    BUFFER,
+    BYTES,
+    CHANGED,
+    CO_SIMULATION,
+    COMPLETED_STEP,
+    COUNT,
+    DERIVATIVE_MAP,
+    DIFFERENTIATE,
+    DISCARD,
+    DO_STEP,
+    ENDLESS,
+    ENTER_EVENT_MODE,
+    EVALUATE,
+    EVENT,
+    EVENT_CO_SIMULATION,
+    EVENT_DUE,
+    EXCHANGE,
     EXIT_INITIALIZATION,
-    SET_TIME,
-    SET_STATES,
-    GET_STATES,
+    FATAL,
+    FIRST,
+    FRAME_WORDS,
+    GET,
     GET_DERIVATIVES,
     GET_INDICATORS,
-    COMPLETED_STEP,
-    ENTER_EVENT_MODE,
-    UPDATE_DISCRETE_STATES,
+    GET_STATES,
+    HANDLE,
+    HANDLE_EVENTS,
+    INDICATOR_VALUES,
+    INDICATORS,
+    INFO,
+    INFO_REAL,
+    INITIAL,
+    INPUTS,
+    INSTANCE,
+    KIND,
     LEAVE_EVENT_MODE,
-    DO_STEP,
-    STATUS,  # of the call that failed
-    FAILED,  # its address, or one of the reasons below
-    ROW,  # the address of the row that it was for, or 0
-    INSTANCE,  # of which instance, from 0
+    LINK,
+    LINK_WORDS,
+    MODE,
+    MOST_ITERATIONS,
+    N_INPUTS,
+    NEXT,
+    NEXT_DEFINED,
+    NO_PROGRESS,
+    OK,
+    PLAN,
+    PLAN_WORDS,
+    RECORD_WORDS,
+    RECORDS,
+    ROW_WORDS,
+    RUNNING,
+    SET_STATES,
+    SET_TIME,
+    SETTLES,
+    SHADOW,
+    SIGNS,
+    SLOT,
+    STATE_MAP,
+    STATES,
+    STATUS,
+    STEP,
+    STEPPED,
+    TASK,
+    TERMINATED,
+    UPDATE_DISCRETE_STATES,
+    VERSION,
+    WARNING,
     WARNINGS,
-    CALLING,  # the address of the function that is being called, or was last
-    CALLED,  # how many calls there have been
-) = range(26)
-CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
-NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE = -1, -2, -3, -4, -5
-
-# One instance. INFO is four words for what a call hands back: fmi2EventInfo, and the same layout for FMI 3.
-RECORD_WORDS = 12
-HANDLE, MODE, STEPPED, EVENT_DUE, NEXT_DEFINED, NEXT, CHANGED, INDICATOR_VALUES, INFO = range(9)
-RUNNING, EVENT = range(2)
-INFO_REAL = 24  # bytes from INFO to the number in it
-
-# What one call exchanges. The maps give (slot, element) for each state in the FMU's order.
-PLAN_WORDS = 9
-FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK = range(9)
-
-# One variable: the getter or setter, its value references, how many values, and where they are.
-ROW_WORDS = 10
-FUNCTION, REFERENCES, N_REFERENCES, N_VALUES, SLOT, CODE, STAGING, SHADOW, BYTES = range(9)
-PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed in STAGING
-
-MOST_ITERATIONS = 1000
-_EXPONENT64 = 0x7FF0000000000000
-_EXPONENT32 = 0x7F800000
-_LARGEST32 = 0x7FFFFFFF
-
-# What a call does for each instance.
-INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, HANDLE_EVENTS = range(8)
+)
+from cosim.fmu.values import bad, differs, get_outputs, give_up, set_inputs, set_value
+from cosim.memory import integers_at, reals_at, words_at
 
 
 def adapt(time: float, base: int, frame: int) -> int:
@@ -133,116 +143,6 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
     if task == INITIAL:
         return set_inputs(base, link, plan, f, r, k) or get_outputs(base, link, plan, f, r, k)
     return leave_initialization(base, link, plan, f, r, info, k)
-
-
-def bad(link: Any, function: int, arguments: Any) -> bool:
-    """Call a C function. Returns whether its status is worse than a warning, and keeps both."""
-    link[CALLING] = function
-    link[CALLED] += 1
-    status = invoke(function, arguments)
-    if status == WARNING:
-        link[WARNINGS] += 1
-    elif status != OK:
-        link[STATUS] = status
-        link[FAILED] = function
-        link[ROW] = 0
-        return True
-    return False
-
-
-def give_up(link: Any, reason: int, row: int) -> bool:
-    """Fail for a reason of our own."""
-    link[STATUS] = ERROR
-    link[FAILED] = reason
-    link[ROW] = row
-    return True
-
-
-# ---- values ----
-
-
-def transfer(link: Any, row: Any, handle: int, data: int) -> bool:
-    """Call a getter or a setter."""
-    if link[VERSION] == 2:
-        return bad(link, row[FUNCTION], (handle, row[REFERENCES], row[N_REFERENCES], data))
-    return bad(link, row[FUNCTION], (handle, row[REFERENCES], row[N_REFERENCES], data, row[N_VALUES]))
-
-
-def set_value(link: Any, row: Any, address: int, handle: int, at: int, k: int) -> bool:
-    """Set one variable of instance k from the arena."""
-    n = row[N_VALUES]
-    data = at
-    if row[CODE] == INTEGER32:
-        data = row[STAGING]
-        narrow, wide = integers_at(data, n), words_at(at, n)
-        for j in range(n):
-            if wide[j] > _LARGEST32 or wide[j] < -_LARGEST32 - 1:
-                return give_up(link, TOO_LARGE, address)
-            narrow[j] = wide[j]
-    elif row[CODE] == BOOLEAN32:
-        data = row[STAGING]
-        wide_flags, flags = integers_at(data, n), bytes_at(at, n)
-        for j in range(n):
-            wide_flags[j] = flags[j]
-    if row[SHADOW] != 0:
-        new, old = bytes_at(at, row[BYTES]), bytes_at(row[SHADOW] + k * row[BYTES], row[BYTES])
-        for j in range(row[BYTES]):
-            old[j] = new[j]
-    if transfer(link, row, handle, data):
-        link[ROW] = address
-        return True
-    return False
-
-
-def get_value(link: Any, row: Any, address: int, handle: int, at: int) -> bool:
-    """Get one variable into the arena; what is not finite fails."""
-    n = row[N_VALUES]
-    code = row[CODE]
-    staged = code in (INTEGER32, BOOLEAN32)
-    if transfer(link, row, handle, row[STAGING] if staged else at):
-        link[ROW] = address
-        return True
-    if code == FLOAT64:
-        bits = words_at(at, n)
-        for j in range(n):
-            if (bits[j] & _EXPONENT64) == _EXPONENT64:
-                return give_up(link, NOT_FINITE, address)
-    elif code == FLOAT32:
-        short_bits = integers_at(at, n)
-        for j in range(n):
-            if (short_bits[j] & _EXPONENT32) == _EXPONENT32:
-                return give_up(link, NOT_FINITE, address)
-    elif code == INTEGER32:
-        narrow, wide = integers_at(row[STAGING], n), words_at(at, n)
-        for j in range(n):
-            wide[j] = narrow[j]
-    elif code == BOOLEAN32:
-        wide_flags, flags = integers_at(row[STAGING], n), bytes_at(at, n)
-        for j in range(n):
-            flags[j] = 1 if wide_flags[j] != 0 else 0
-    return False
-
-
-def set_inputs(base: int, link: Any, plan: Any, f: Any, r: Any, k: int) -> bool:
-    """Set all inputs that the call reads."""
-    for i in range(plan[N_INPUTS]):
-        address = plan[INPUTS] + i * ROW_WORDS * 8
-        row = words_at(address, ROW_WORDS)
-        at = base + f[row[SLOT]] + k * f[row[SLOT] + 1]
-        if set_value(link, row, address, r[HANDLE], at, k):
-            return True
-    return False
-
-
-def get_outputs(base: int, link: Any, plan: Any, f: Any, r: Any, k: int) -> bool:
-    """Get all outputs that the call writes."""
-    for i in range(plan[N_OUTPUTS]):
-        address = plan[OUTPUTS] + i * ROW_WORDS * 8
-        row = words_at(address, ROW_WORDS)
-        at = base + f[row[SLOT]] + k * f[row[SLOT] + 1]
-        if get_value(link, row, address, r[HANDLE], at):
-            return True
-    return False
 
 
 # ---- events ----
@@ -370,15 +270,6 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
     if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
         return True
     return finish_events(base, link, plan, f, r, info, k)
-
-
-def differs(one: int, other: int, size: int) -> bool:
-    """Whether two pieces of memory have different bytes."""
-    a, b = bytes_at(one, size), bytes_at(other, size)
-    different = 0
-    for j in range(size):
-        different |= a[j] ^ b[j]
-    return different != 0
 
 
 def set_time_and_states(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, k: int) -> bool:

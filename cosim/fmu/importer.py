@@ -22,7 +22,7 @@ from cosim import supervision
 from cosim.block import Block, Declaration, Function, Input, Local, Output, Parameter, State, Variable, condition
 from cosim.entry import BlockEntry
 from cosim.errors import FmuError, Position, UnknownPort, nearest
-from cosim.fmu import adapter, archive
+from cosim.fmu import adapter, archive, layout
 from cosim.fmu.ports import Port
 from cosim.fmu.ports import ports as read_ports
 
@@ -63,11 +63,11 @@ class Fmu:
     def kind(self) -> int:
         """The adapter's name for the kind."""
         if self.mode == MODES[1]:
-            return adapter.MODEL_EXCHANGE
+            return layout.MODEL_EXCHANGE
         eventful = self.version == 3 and self.interface.hasEventMode
-        return adapter.EVENT_CO_SIMULATION if eventful else adapter.CO_SIMULATION
+        return layout.EVENT_CO_SIMULATION if eventful else layout.CO_SIMULATION
 
-    frame_words = adapter.FIRST - adapter.LINK
+    frame_words = layout.FIRST - layout.LINK
 
     @property
     def kernel(self) -> Callable[[float, int, int], int]:
@@ -163,7 +163,7 @@ def _read_structure(fmu: Fmu) -> None:
     owner = _owners(fmu)
     fmu.inputs_of = dependencies(fmu, description.outputs)
     fmu.initial_inputs_of = dependencies(fmu, description.initialUnknowns)
-    if fmu.kind != adapter.MODEL_EXCHANGE:
+    if fmu.kind != layout.MODEL_EXCHANGE:
         return
     for unknown in description.derivatives:
         state = unknown.variable.derivative
@@ -249,7 +249,7 @@ def _variable(name: str, port: Port, is_state: bool) -> Variable:
         kind = Output if port.causality == "output" else Local
         variable = kind(*port.shape, start=port.start() if port.can_start else None, **more)
     variable.name = name
-    variable.any_integer = port.code == adapter.INTEGER32
+    variable.any_integer = port.code == layout.INTEGER32
     return variable
 
 
@@ -257,9 +257,9 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     inputs = [v.name for v in declaration.of(Input)]
     outputs = [v.name for v in declaration.of(Output)]
     locals_ = [v.name for v in declaration.of(Local)]
-    feedthrough = fmu.kind != adapter.CO_SIMULATION
+    feedthrough = fmu.kind != layout.CO_SIMULATION
     unstated = inputs if feedthrough else []
-    reads = ("time", *states) if fmu.kind == adapter.MODEL_EXCHANGE else ()
+    reads = ("time", *states) if fmu.kind == layout.MODEL_EXCHANGE else ()
     functions = []
     for k, (known, names) in enumerate(_grouped(outputs, fmu.inputs_of if feedthrough else {}, unstated)):
         functions.append(_function(f"outputs_{k}", "outputs", (*reads, *known), names))
@@ -272,7 +272,7 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
         functions.append(_function(f"start_{k}", "start", known, names))
     functions.append(_function("begin", "begin", inputs, states))
-    if fmu.kind == adapter.MODEL_EXCHANGE:
+    if fmu.kind == layout.MODEL_EXCHANGE:
         functions.append(_function("events", "events", (), states))
         if states:
             derivatives = [f"d_{name}" for name in states]
@@ -300,7 +300,7 @@ def _grouped(
 
 def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
     """What a person should know before running it, as conditions that do not hold."""
-    if fmu.kind == adapter.CO_SIMULATION:
+    if fmu.kind == layout.CO_SIMULATION:
         named = [v.name for v in declaration.of(Output)]
         stated = [f"{n} on {', '.join(sorted(fmu.inputs_of[n] or ()))}" for n in named if fmu.inputs_of.get(n)]
         unstated = [n for n in named if fmu.inputs_of.get(n) is None] if list(declaration.of(Input)) else []

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError
-from cosim.fmu import adapter, archive
+from cosim.fmu import archive, layout
 from cosim.fmu.importer import MODES, Fmu, read_description
 from cosim.fmu.importer import dependencies as read_dependencies
 from cosim.fmu.ports import Port, ports
@@ -75,7 +75,7 @@ def _variables(path: Path, folder: Path, description: Any, kinds: dict[str, Any]
     mode = next((mode for mode, kind in kinds.items() if kind is not None), MODES[0])
     fmu = Fmu(path, folder, description, mode, found)
     feeds = read_dependencies(fmu, description.outputs)
-    delayed = fmu.kind == adapter.CO_SIMULATION
+    delayed = fmu.kind == layout.CO_SIMULATION
     for causality in _SECTIONS:
         section = {name: port for name, port in found.items() if port.causality == causality}
         if not section:

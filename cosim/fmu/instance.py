@@ -17,30 +17,31 @@ from typing import Any
 import numpy as np
 
 from cosim.block import Parameter
-from cosim.errors import FmuError, SlaveFailed, TooManyInstances, WrongValue
-from cosim.fmu import adapter, archive, messages
+from cosim.errors import SlaveFailed, TooManyInstances, WrongValue
+from cosim.fmu import layout, messages
+from cosim.fmu.binary import Library
 from cosim.fmu.ports import Port
 from cosim.fmu.trace import Trace
 from cosim.memory import invoke, private, words_at
 
 REASONS = {
-    adapter.NOT_FINITE: "gave a value that is not finite",
-    adapter.TERMINATED: "asked for the end of the simulation",
-    adapter.NO_PROGRESS: "returned early from a step without any progress",
-    adapter.ENDLESS: f"needed more than {adapter.MOST_ITERATIONS} event iterations",
-    adapter.TOO_LARGE: "cannot take an integer of more than 32 bits",
+    layout.NOT_FINITE: "gave a value that is not finite",
+    layout.TERMINATED: "asked for the end of the simulation",
+    layout.NO_PROGRESS: "returned early from a step without any progress",
+    layout.ENDLESS: f"needed more than {layout.MOST_ITERATIONS} event iterations",
+    layout.TOO_LARGE: "cannot take an integer of more than 32 bits",
 }
 # The words of the link that are addresses, and the functions' names in FMI 2 and FMI 3.
 _CALLED = {
-    adapter.EXIT_INITIALIZATION: ("ExitInitializationMode", "ExitInitializationMode"),
-    adapter.SET_TIME: ("SetTime", "SetTime"),
-    adapter.SET_STATES: ("SetContinuousStates", "SetContinuousStates"),
-    adapter.GET_STATES: ("GetContinuousStates", "GetContinuousStates"),
-    adapter.GET_DERIVATIVES: ("GetDerivatives", "GetContinuousStateDerivatives"),
-    adapter.GET_INDICATORS: ("GetEventIndicators", "GetEventIndicators"),
-    adapter.ENTER_EVENT_MODE: ("EnterEventMode", "EnterEventMode"),
-    adapter.UPDATE_DISCRETE_STATES: ("NewDiscreteStates", "UpdateDiscreteStates"),
-    adapter.DO_STEP: ("DoStep", "DoStep"),
+    layout.EXIT_INITIALIZATION: ("ExitInitializationMode", "ExitInitializationMode"),
+    layout.SET_TIME: ("SetTime", "SetTime"),
+    layout.SET_STATES: ("SetContinuousStates", "SetContinuousStates"),
+    layout.GET_STATES: ("GetContinuousStates", "GetContinuousStates"),
+    layout.GET_DERIVATIVES: ("GetDerivatives", "GetContinuousStateDerivatives"),
+    layout.GET_INDICATORS: ("GetEventIndicators", "GetEventIndicators"),
+    layout.ENTER_EVENT_MODE: ("EnterEventMode", "EnterEventMode"),
+    layout.UPDATE_DISCRETE_STATES: ("NewDiscreteStates", "UpdateDiscreteStates"),
+    layout.DO_STEP: ("DoStep", "DoStep"),
 }
 _running: Counter[str] = Counter()
 _lock = threading.Lock()
@@ -50,36 +51,6 @@ class _Callbacks2(ctypes.Structure):
     """fmi2CallbackFunctions."""
 
     _fields_ = [(n, ctypes.c_void_p) for n in ("logger", "allocate", "free", "step_finished", "environment")]
-
-
-class Library:
-    """The shared library of an FMU, and the addresses of its functions."""
-
-    def __init__(self, fmu: Any, trace: Trace) -> None:
-        """trace: where the names of functions are noted. Raises: FmuError."""
-        self._trace = trace
-        self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
-        self.prefix = f"fmi{fmu.version}"
-        try:
-            if sys.platform == "win32":
-                with os.add_dll_directory(str(self.path.parent)):
-                    self._handle = ctypes.CDLL(str(self.path))
-            else:
-                self._handle = ctypes.CDLL(str(self.path))
-        except OSError as error:
-            raise FmuError(f"`{fmu.name}`: its binary cannot be loaded: {error}") from None
-
-    def address(self, name: str) -> int:
-        """The address of a function, without FMI's prefix. Raises: FmuError."""
-        try:
-            function = getattr(self._handle, self.prefix + name)
-        except AttributeError:
-            raise FmuError(
-                f"`{self.path.name}` has no function {self.prefix}{name}", fix="export the FMU again"
-            ) from None
-        address = ctypes.cast(function, ctypes.c_void_p).value or 0
-        self._trace.name(address, self.prefix + name)
-        return address
 
 
 class Instances:
@@ -136,7 +107,7 @@ class Instances:
                 self._set_up(k)
             self._link()
             for call, frame in zip(self.calls, self.frames(), strict=True):
-                words_at(frame, adapter.FIRST)[adapter.LINK :] = self.link.ctypes.data, self._plan(call)
+                words_at(frame, layout.FIRST)[layout.LINK :] = self.link.ctypes.data, self._plan(call)
         except BaseException:
             self.close(terminate=False)
             raise
@@ -171,7 +142,7 @@ class Instances:
             calloc, free = (ctypes.cast(f, pointer).value for f in (library.calloc, library.free))
             callbacks = _Callbacks2(log, calloc, free, None, environment)
             self._keep.append(callbacks)
-            kind = int(fmu.kind != adapter.MODEL_EXCHANGE)
+            kind = int(fmu.kind != layout.MODEL_EXCHANGE)
             make = ctypes.CFUNCTYPE(pointer, text, ctypes.c_int, text, text, pointer, ctypes.c_int, ctypes.c_int)
             function = make(self._about_to(k, "Instantiate"))
             where = resources.resolve().as_uri().encode()
@@ -179,14 +150,14 @@ class Instances:
         else:
             where = (str(resources.resolve()) + os.sep).encode()
             first = (name.encode(), token, where, False, bool(logging))
-            if fmu.kind == adapter.MODEL_EXCHANGE:
+            if fmu.kind == layout.MODEL_EXCHANGE:
                 make = ctypes.CFUNCTYPE(pointer, text, text, text, flag, flag, pointer, pointer)
                 handle = make(self._about_to(k, "InstantiateModelExchange"))(*first, environment, log)
             else:
                 size = ctypes.c_size_t
                 kinds = (text, text, text, flag, flag, flag, flag, pointer, size, pointer, pointer, pointer)
                 make = ctypes.CFUNCTYPE(pointer, *kinds)
-                eventful = fmu.kind == adapter.EVENT_CO_SIMULATION
+                eventful = fmu.kind == layout.EVENT_CO_SIMULATION
                 early = eventful and bool(interface.mightReturnEarlyFromDoStep)
                 function = make(self._about_to(k, "InstantiateCoSimulation"))
                 handle = function(*first, eventful, early, None, 0, environment, log, None)
@@ -229,7 +200,7 @@ class Instances:
             data: Any = (ctypes.c_char_p * 1)(str(value).encode())
             address = ctypes.addressof(data)
         else:
-            narrow = port.code in (adapter.INTEGER32, adapter.BOOLEAN32)
+            narrow = port.code in (layout.INTEGER32, layout.BOOLEAN32)
             data = np.ascontiguousarray(value, np.int32 if narrow else port.dtype)
             address = data.ctypes.data
         size = (port.size,) if self.fmu.version == 3 else ()
@@ -238,7 +209,7 @@ class Instances:
     def _do(self, k: int, name: str, *arguments: int | float, about: str = "") -> None:
         """Call a function of instance k. Raises: SlaveFailed."""
         status = invoke(self._about_to(k, name), (self.handles[k], *arguments))
-        if status > adapter.WARNING:
+        if status > layout.WARNING:
             self.lost[k] = status
             on = f" for `{about}`" if about else ""
             raise self.trace.failure(f"{self.library.prefix}{name}(){on} returned {_status(status)}", k, 0.0)
@@ -259,32 +230,32 @@ class Instances:
     def _link(self) -> None:
         """Fill what all calls share, and a record for each instance."""
         fmu, count = self.fmu, len(self.members)
-        indicators = fmu.description.numberOfEventIndicators if fmu.kind == adapter.MODEL_EXCHANGE else 0
+        indicators = fmu.description.numberOfEventIndicators if fmu.kind == layout.MODEL_EXCHANGE else 0
         old, states = self._array(count, max(1, indicators)), max(1, len(fmu.states))
-        records = self._array(count, adapter.RECORD_WORDS)
-        records[:, adapter.HANDLE] = np.array(self.handles, np.uint64).view(np.int64)
-        records[:, adapter.INDICATOR_VALUES] = [row.ctypes.data for row in old]
+        records = self._array(count, layout.RECORD_WORDS)
+        records[:, layout.HANDLE] = np.array(self.handles, np.uint64).view(np.int64)
+        records[:, layout.INDICATOR_VALUES] = [row.ctypes.data for row in old]
         link = self.link
-        link[adapter.VERSION], link[adapter.KIND] = fmu.version, fmu.kind
-        link[adapter.RECORDS] = records.ctypes.data
-        link[adapter.STATES], link[adapter.INDICATORS] = len(fmu.states), indicators
-        link[adapter.BUFFER] = self._array(states).ctypes.data
-        link[adapter.SIGNS] = self._array(max(1, indicators)).ctypes.data
-        link.view(np.float64)[adapter.STEP] = self.step
+        link[layout.VERSION], link[layout.KIND] = fmu.version, fmu.kind
+        link[layout.RECORDS] = records.ctypes.data
+        link[layout.STATES], link[layout.INDICATORS] = len(fmu.states), indicators
+        link[layout.BUFFER] = self._array(states).ctypes.data
+        link[layout.SIGNS] = self._array(max(1, indicators)).ctypes.data
+        link.view(np.float64)[layout.STEP] = self.step
         for word, names in _CALLED.items():
             if word in _needed(fmu):
                 link[word] = self.library.address(names[fmu.version - 2])
-        if fmu.kind == adapter.MODEL_EXCHANGE:
-            link[adapter.LEAVE_EVENT_MODE] = self.library.address("EnterContinuousTimeMode")
+        if fmu.kind == layout.MODEL_EXCHANGE:
+            link[layout.LEAVE_EVENT_MODE] = self.library.address("EnterContinuousTimeMode")
             if fmu.interface.needsCompletedIntegratorStep:
-                link[adapter.COMPLETED_STEP] = self.library.address("CompletedIntegratorStep")
-        elif fmu.kind == adapter.EVENT_CO_SIMULATION:
-            link[adapter.LEAVE_EVENT_MODE] = self.library.address("EnterStepMode")
+                link[layout.COMPLETED_STEP] = self.library.address("CompletedIntegratorStep")
+        elif fmu.kind == layout.EVENT_CO_SIMULATION:
+            link[layout.LEAVE_EVENT_MODE] = self.library.address("EnterStepMode")
 
     def _plan(self, call: Any) -> int:
         """The address of the table of what a call exchanges."""
         function = call.function
-        slots, slot = {}, adapter.FIRST
+        slots, slot = {}, layout.FIRST
         for name in function.arguments:
             if name != "time":
                 slots[name] = slot
@@ -296,17 +267,17 @@ class Instances:
             outputs = []
         if function.name == "outputs_locals":
             outputs = [n for n in outputs if n in self.wanted]
-        plan = self._array(adapter.PLAN_WORDS)
-        plan[adapter.FRAME_WORDS], plan[adapter.TASK] = slot, _task(function.kind, self.fmu.kind)
-        plan[adapter.N_INPUTS], plan[adapter.N_OUTPUTS] = len(inputs), len(outputs)
-        plan[adapter.INPUTS] = self._row_table(inputs, slots, "Set")
-        plan[adapter.OUTPUTS] = self._row_table(outputs, slots, "Get")
+        plan = self._array(layout.PLAN_WORDS)
+        plan[layout.FRAME_WORDS], plan[layout.TASK] = slot, _task(function.kind, self.fmu.kind)
+        plan[layout.N_INPUTS], plan[layout.N_OUTPUTS] = len(inputs), len(outputs)
+        plan[layout.INPUTS] = self._row_table(inputs, slots, "Set")
+        plan[layout.OUTPUTS] = self._row_table(outputs, slots, "Get")
         if states and states <= slots.keys():
-            plan[adapter.STATE_MAP] = self._map(slots, "")
+            plan[layout.STATE_MAP] = self._map(slots, "")
         if function.kind == "derivatives":
-            plan[adapter.DERIVATIVE_MAP] = self._map(slots, "d_")
+            plan[layout.DERIVATIVE_MAP] = self._map(slots, "d_")
         every = {n for f in self.slave.declaration.kind("outputs") for n in f.reads if n in self.fmu.ports}
-        plan[adapter.SETTLES] = function.kind == "outputs" and every <= {*inputs, *states}
+        plan[layout.SETTLES] = function.kind == "outputs" and every <= {*inputs, *states}
         return plan.ctypes.data
 
     def _map(self, slots: dict[str, int], prefix: str) -> int:
@@ -315,21 +286,21 @@ class Instances:
         return places.ctypes.data
 
     def _row_table(self, names: list[str], slots: dict[str, int], access: str) -> int:
-        rows = self._array(max(1, len(names)), adapter.ROW_WORDS)
+        rows = self._array(max(1, len(names)), layout.ROW_WORDS)
         for name, row in zip(names, rows, strict=False):
             port = self.fmu.ports[name]
             references = np.array(port.references, np.uint32)
             self._keep.append(references)
-            row[adapter.FUNCTION] = self.library.address(access + port.accessor)
-            row[adapter.REFERENCES], row[adapter.N_REFERENCES] = references.ctypes.data, len(references)
+            row[layout.FUNCTION] = self.library.address(access + port.accessor)
+            row[layout.REFERENCES], row[layout.N_REFERENCES] = references.ctypes.data, len(references)
             dtype = self.slave.declaration.variables[name].dtype
-            row[adapter.N_VALUES], row[adapter.SLOT], row[adapter.CODE] = port.size, slots[name], port.code
-            if port.code == adapter.INTEGER32 and dtype.itemsize == 4:
-                row[adapter.CODE] = adapter.PLAIN
-            row[adapter.BYTES] = port.size * dtype.itemsize
-            row[adapter.STAGING] = self._array(port.size).ctypes.data
-            if access == "Set" and port.is_discrete and self.fmu.kind == adapter.MODEL_EXCHANGE:
-                row[adapter.SHADOW] = self._shadow(name, int(row[adapter.BYTES]))
+            row[layout.N_VALUES], row[layout.SLOT], row[layout.CODE] = port.size, slots[name], port.code
+            if port.code == layout.INTEGER32 and dtype.itemsize == 4:
+                row[layout.CODE] = layout.PLAIN
+            row[layout.BYTES] = port.size * dtype.itemsize
+            row[layout.STAGING] = self._array(port.size).ctypes.data
+            if access == "Set" and port.is_discrete and self.fmu.kind == layout.MODEL_EXCHANGE:
+                row[layout.SHADOW] = self._shadow(name, int(row[layout.BYTES]))
             self._rows[row.ctypes.data] = name
         return rows.ctypes.data
 
@@ -344,7 +315,7 @@ class Instances:
     @property
     def activity(self) -> int:
         """A number that changes with every call of the FMU."""
-        return int(self.link[adapter.CALLED])
+        return int(self.link[layout.CALLED])
 
     @property
     def busy(self) -> bool:
@@ -354,7 +325,7 @@ class Instances:
     @property
     def failed(self) -> bool:
         """Whether a call failed."""
-        return int(self.link[adapter.STATUS]) > adapter.WARNING
+        return int(self.link[layout.STATUS]) > layout.WARNING
 
     def ended(self, how: str, hung: bool, time: float) -> SlaveFailed:
         """The error of a process that died or fell silent at a time (s)."""
@@ -364,8 +335,8 @@ class Instances:
 
     def failure(self, time: float) -> SlaveFailed:
         """What stopped the loop in one of the calls, as of the link."""
-        k, status, failed = (int(self.link[w]) for w in (adapter.INSTANCE, adapter.STATUS, adapter.FAILED))
-        name = self._rows.get(int(self.link[adapter.ROW]), "")
+        k, status, failed = (int(self.link[w]) for w in (layout.INSTANCE, layout.STATUS, layout.FAILED))
+        name = self._rows.get(int(self.link[layout.ROW]), "")
         if failed in REASONS:
             return self.trace.failure(f"it {REASONS[failed]}" + (f": `{name}`" if name else ""), k, time)
         self.lost[k] = status
@@ -375,11 +346,11 @@ class Instances:
 
     def _last_time(self, k: int, function: str) -> str:
         """How far an FMI 2 step got that was discarded."""
-        if function != "fmi2DoStep" or self.lost[k] != adapter.DISCARD:
+        if function != "fmi2DoStep" or self.lost[k] != layout.DISCARD:
             return ""
         last = ctypes.c_double()
         status = invoke(self.library.address("GetRealStatus"), (self.handles[k], 2, ctypes.addressof(last)))
-        return f", it got as far as t = {last.value:g} s" if status == adapter.OK else ""
+        return f", it got as far as t = {last.value:g} s" if status == layout.OK else ""
 
     def close(self, terminate: bool) -> None:
         """Terminate (if they were initialized) and free all instances, as far as their state allows."""
@@ -388,10 +359,10 @@ class Instances:
             with _lock:
                 _running[str(self.library.path)] -= self._claimed
             self._claimed = 0
-        if adapter.FATAL in self.lost.values():
+        if layout.FATAL in self.lost.values():
             return  # nothing may be called any more
         for k, handle in enumerate(handles):
-            if terminate and self.lost.get(k, adapter.OK) <= adapter.DISCARD:
+            if terminate and self.lost.get(k, layout.OK) <= layout.DISCARD:
                 invoke(self._about_to(k, "Terminate"), (handle,))
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._about_to(k, "FreeInstance"))(handle)
 
@@ -399,23 +370,23 @@ class Instances:
 def _task(kind: str, fmu_kind: int) -> int:
     """What the adapter has to do in a function of a kind."""
     if kind == "outputs":
-        return (adapter.GET, adapter.EXCHANGE, adapter.EVALUATE)[fmu_kind]
+        return (layout.GET, layout.EXCHANGE, layout.EVALUATE)[fmu_kind]
     return {
-        "start": adapter.INITIAL,
-        "initial": adapter.INITIAL,
-        "begin": adapter.BEGIN,
-        "step": adapter.ADVANCE,
-        "derivatives": adapter.DIFFERENTIATE,
-        "events": adapter.HANDLE_EVENTS,
+        "start": layout.INITIAL,
+        "initial": layout.INITIAL,
+        "begin": layout.BEGIN,
+        "step": layout.ADVANCE,
+        "derivatives": layout.DIFFERENTIATE,
+        "events": layout.HANDLE_EVENTS,
     }[kind]
 
 
 def _needed(fmu: Any) -> set[int]:
     """The functions that the adapter calls for a kind of FMU."""
-    if fmu.kind == adapter.CO_SIMULATION:
-        return {adapter.EXIT_INITIALIZATION, adapter.DO_STEP}
-    events = {adapter.EXIT_INITIALIZATION, adapter.ENTER_EVENT_MODE, adapter.UPDATE_DISCRETE_STATES}
-    return events | {adapter.DO_STEP} if fmu.kind == adapter.EVENT_CO_SIMULATION else set(_CALLED) - {adapter.DO_STEP}
+    if fmu.kind == layout.CO_SIMULATION:
+        return {layout.EXIT_INITIALIZATION, layout.DO_STEP}
+    events = {layout.EXIT_INITIALIZATION, layout.ENTER_EVENT_MODE, layout.UPDATE_DISCRETE_STATES}
+    return events | {layout.DO_STEP} if fmu.kind == layout.EVENT_CO_SIMULATION else set(_CALLED) - {layout.DO_STEP}
 
 
 def _status(status: int) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim import kernels
-from cosim.fmu import adapter, mailbox
+from cosim.fmu import adapter, layout, mailbox
 from cosim.fmu.instance import Instances
 from cosim.memory import words_at
 
@@ -38,10 +38,10 @@ class Served(Instances):
 
     def _frame(self, call: Any) -> np.ndarray:
         """A call's frame for these members only."""
-        size = adapter.FIRST + 2 * sum(place is not None for place in call.arguments)
+        size = layout.FIRST + 2 * sum(place is not None for place in call.arguments)
         frame = words_at(self.arena.ctypes.data + call.frame, size).copy()
-        frame[adapter.COUNT] = len(self.members)
-        frame[adapter.FIRST :: 2] += self.members[0] * frame[adapter.FIRST + 1 :: 2]
+        frame[layout.COUNT] = len(self.members)
+        frame[layout.FIRST :: 2] += self.members[0] * frame[layout.FIRST + 1 :: 2]
         return frame
 
     def frames(self) -> list[int]:
@@ -87,5 +87,5 @@ def parts(
     link[mailbox.BOXES :] = [server.box.ctypes.data for server in servers]
     servers[0].link_of_loop = link
     for number, call in enumerate(calls):
-        words_at(arena.ctypes.data + call.frame, adapter.FIRST)[adapter.LINK :] = link.ctypes.data, number
+        words_at(arena.ctypes.data + call.frame, layout.FIRST)[layout.LINK :] = link.ctypes.data, number
     return servers

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import SlaveCrashed, SlaveFailed, SlaveHung
-from cosim.fmu import adapter, messages
+from cosim.fmu import layout, messages
 
 _NAMES, _NAME_BYTES = 64, 56
 
@@ -26,7 +26,7 @@ class Trace:
         self.fmu = fmu
         self.slave = slave
         self.members = members
-        self.link = zeros(8 * adapter.LINK_WORDS).view(np.int64)
+        self.link = zeros(8 * layout.LINK_WORDS).view(np.int64)
         self._names = zeros((8 + _NAME_BYTES) * _NAMES).view([("address", "i8"), ("name", f"S{_NAME_BYTES}")])
         rings = zeros(messages.RING_BYTES * len(members)).reshape(len(members), -1)
         self.messages = [messages.Messages(ring) for ring in rings]
@@ -44,8 +44,8 @@ class Trace:
 
     def calling(self, k: int, address: int) -> None:
         """Note that a function of instance k is about to be called."""
-        self.link[adapter.INSTANCE], self.link[adapter.CALLING] = k, address
-        self.link[adapter.CALLED] += 1
+        self.link[layout.INSTANCE], self.link[layout.CALLING] = k, address
+        self.link[layout.CALLED] += 1
 
     def failure(
         self, text: str, k: int, time: float, kind: type[SlaveFailed] = SlaveFailed, fix: str = ""
@@ -58,8 +58,8 @@ class Trace:
 
     def ended(self, how: str, hung: bool, time: float) -> SlaveFailed:
         """How the process of these instances ended: in the function that was called last, or while loading."""
-        k = min(max(int(self.link[adapter.INSTANCE]), 0), len(self.members) - 1)
-        name = self.name_of(int(self.link[adapter.CALLING]))
+        k = min(max(int(self.link[layout.INSTANCE]), 0), len(self.members) - 1)
+        name = self.name_of(int(self.link[layout.CALLING]))
         where = f" in {name}()" if name else " while its binary was loaded"
         if hung:
             return self.failure(f"{how}{where}", k, time, SlaveHung, "where it only is slow, raise `run.patience` (s)")

@@ -1,0 +1,42 @@
+"""The shared library of an FMU, loaded into this process."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from typing import Any
+
+from cosim.errors import FmuError
+from cosim.fmu import archive
+from cosim.fmu.trace import Trace
+
+
+class Library:
+    """The shared library of an FMU, and the addresses of its functions."""
+
+    def __init__(self, fmu: Any, trace: Trace) -> None:
+        """trace: where the names of functions are noted. Raises: FmuError."""
+        self._trace = trace
+        self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
+        self.prefix = f"fmi{fmu.version}"
+        try:
+            if sys.platform == "win32":
+                with os.add_dll_directory(str(self.path.parent)):
+                    self._handle = ctypes.CDLL(str(self.path))
+            else:
+                self._handle = ctypes.CDLL(str(self.path))
+        except OSError as error:
+            raise FmuError(f"`{fmu.name}`: its binary cannot be loaded: {error}") from None
+
+    def address(self, name: str) -> int:
+        """The address of a function, without FMI's prefix. Raises: FmuError."""
+        try:
+            function = getattr(self._handle, self.prefix + name)
+        except AttributeError:
+            raise FmuError(
+                f"`{self.path.name}` has no function {self.prefix}{name}", fix="export the FMU again"
+            ) from None
+        address = ctypes.cast(function, ctypes.c_void_p).value or 0
+        self._trace.name(address, self.prefix + name)
+        return address
