@@ -26,7 +26,7 @@ from cosim.fmu import adapter, archive, layout
 from cosim.fmu.ports import Port
 from cosim.fmu.ports import ports as read_ports
 
-FMI2_DELAY = "FMI 2.0.5, section 4.2.4"
+DELAY = {2: "FMI 2.0.5, section 4.2.4", 3: "FMI 3.0.2, section 4.2, Step Mode"}
 MODES = ("co-simulation", "model-exchange")
 
 
@@ -148,6 +148,8 @@ def _renamed(ports: dict[str, Port], entry: BlockEntry) -> dict[str, Port]:
     names = {}
     for ours, node in entry.ports.items():
         if node.value not in ports:
+            if node.inherited:  # written for another FMU
+                continue
             message = f"block {entry.name}: `{entry.path.name}` has no variable `{node.value}`"
             raise UnknownPort(message, node.position, nearest(node.value, ports))
         names[node.value] = ours
@@ -307,7 +309,7 @@ def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
         numbers = [f"{'; '.join(stated)}: one step of delay"] if stated else []
         numbers += [f"not stated for {', '.join(unstated)}: if they do, one step of delay"] if unstated else []
         if numbers:
-            yield condition("outputs depend on no input at the same instant", FMI2_DELAY)(_fails("; ".join(numbers)))
+            yield condition("outputs depend on no input at the same instant", DELAY[fmu.version])(_fails("; ".join(numbers)))
     held = [f"{v.name} = {v.start}" for v in declaration.of(Input) if v.name not in entry.inputs]
     held = [text for text in held if text.partition(" ")[0] not in entry.start]
     if held:
