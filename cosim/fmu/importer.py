@@ -309,7 +309,8 @@ def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
         numbers = [f"{'; '.join(stated)}: one step of delay"] if stated else []
         numbers += [f"not stated for {', '.join(unstated)}: if they do, one step of delay"] if unstated else []
         if numbers:
-            yield condition("outputs depend on no input at the same instant", DELAY[fmu.version])(_fails("; ".join(numbers)))
+            text = "outputs depend on no input at the same instant"
+            yield condition(text, DELAY[fmu.version])(_fails("; ".join(numbers)))
     held = [f"{v.name} = {v.start}" for v in declaration.of(Input) if v.name not in entry.inputs]
     held = [text for text in held if text.partition(" ")[0] not in entry.start]
     if held:
