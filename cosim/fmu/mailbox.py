@@ -36,7 +36,7 @@ LINK, PLAN, FRAME_WORDS = 2, 3, 4  # words of a frame, as of `cosim.fmu.adapter`
 
 _SLEEP_SECONDS = 0.1
 _SPINNING = 300  # pauses of some 40 ns; who spins on while the other side lacks a processor loses a time slice
-_YIELDING = 1000
+_YIELDING = 100
 _FUTEX = {"x86_64": 202, "aarch64": 98}
 _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
 _NAPS = 10  # sleeps after which a server looks whether somebody still needs it
