@@ -87,7 +87,7 @@ def test_interpreted_and_compiled_agree_over_the_first_second(name, tmp_path):
         files.append(tmp_path / f"{engine}.nc")
         assert outcome(name, stop, "record.period=0.01", engine=engine, output=files[-1]).status == "completed"
     with results.open_result(files[0]) as compiled, results.open_result(files[1]) as interpreted:
-        assert len(compiled.signals) > 3 and len(compiled.times) > 1
+        assert compiled.signals and len(compiled.times) > 1
         for signal in compiled.signals:
             assert np.array_equal(compiled[signal].view(np.uint8), interpreted[signal].view(np.uint8)), signal
 

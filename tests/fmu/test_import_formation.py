@@ -11,7 +11,7 @@ import yaml
 from cosim import rules, run
 from cosim.fmu.export import export
 
-STOP = "run.stop=0.3"
+STOP = "run.stop=30"
 STATES = ("plant", "differentiator")  # blocks all of whose outputs are states
 DIRECT = ("observer", "topology", "potential_field", "controller")
 ALL = (*STATES, *DIRECT)
