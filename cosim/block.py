@@ -218,11 +218,6 @@ class Declaration:
     foreign: Foreign | None = None
     most_instances: int | None = None
 
-    @property
-    def shareable(self) -> bool:
-        """Whether several runs may have it on threads of one process; what is foreign has processes of its own."""
-        return self.foreign is None
-
     def of(self, *classes: type[Variable]) -> Iterator[Variable]:
         """The variables of the given classes, in the order of their declaration."""
         return (v for v in self.variables.values() if isinstance(v, classes))

@@ -29,7 +29,7 @@ class Served(Instances):
         alone = len(self.members) == slave.count
         self.process = slave.name if alone else f"{slave.name} {self.members[0] + 1}"
         self.box = mailbox.new()
-        self.link_of_loop: np.ndarray | None = None
+        self.loop_link = np.zeros(0, np.int64)  # as of `mailbox.SERVERS` and what follows
         self._code = kernels.raw_module("server", (adapter.adapt, mailbox.serve)).load()
         self._frames = [self._frame(call) for call in calls]
         entry = self._code.address("adapt")
@@ -43,6 +43,13 @@ class Served(Instances):
         frame[layout.COUNT] = len(self.members)
         frame[layout.FIRST :: 2] += self.members[0] * frame[layout.FIRST + 1 :: 2]
         return frame
+
+    def open(self) -> None:
+        """Make the instances, and have the loop's frames lead to the mailboxes, with the number of the call."""
+        super().open()
+        for number, call in enumerate(self.calls):
+            frame = words_at(self.arena.ctypes.data + call.frame, layout.FIRST)
+            frame[layout.LINK :] = self.loop_link.ctypes.data, number
 
     def frames(self) -> list[int]:
         """The addresses of the calls' frames."""
@@ -75,17 +82,13 @@ def parts(
     wanted: set[str],
     zeros: Callable[[int], np.ndarray],
 ) -> list[Served]:
-    """A server for all instances of a block, or one for each where a process may have only one.
-
-    The arena's frames then name the mailboxes and the number of the call.
-    """
+    """A server for all instances of a block, or one for each where a process may have only one."""
     once = fmu.interface.canBeInstantiatedOnlyOncePerProcess
     groups = [range(k, k + 1) for k in range(slave.count)] if once else [range(slave.count)]
     servers = [Served(fmu, slave, calls, arena, step, wanted, zeros, members) for members in groups]
     link = zeros(8 * (mailbox.BOXES + len(servers))).view(np.int64)
     link[mailbox.SERVERS] = len(servers)
     link[mailbox.BOXES :] = [server.box.ctypes.data for server in servers]
-    servers[0].link_of_loop = link
-    for number, call in enumerate(calls):
-        words_at(arena.ctypes.data + call.frame, layout.FIRST)[layout.LINK :] = link.ctypes.data, number
+    for server in servers:
+        server.loop_link = link
     return servers

@@ -15,6 +15,8 @@ import pytest
 from cosim import results, run, supervision
 from cosim.errors import SlaveCrashed
 from cosim.run import Run
+from cosim.study import description, running
+from cosim.study.running import Options
 from tests.fmu import machine
 
 pytestmark = pytest.mark.skipif(not supervision.AVAILABLE, reason="needs fork")
@@ -111,7 +113,42 @@ def test_native_diagrams_fork_nothing(formation, monkeypatch):
     assert Run(run.load(formation, ["run.stop=0.01"])).execute().status == "completed"
 
 
+def test_a_study_survives_the_members_that_crash(machines, tmp_path):
+    (tmp_path / "diagram.yaml").write_text(
+        f"run: {{stop: 0.5, step: 0.01}}\nblocks: {{plant: {{fmu: {machines['2']}, start: {{x: 1, u: 0}}}}}}\n"
+        "metrics: {x: {signal: plant.x, reduce: final}}\n"
+    )
+    (tmp_path / "study.yaml").write_text(
+        "diagram: diagram.yaml\nvariants: {plain: , apart: {set: {blocks.plant.isolate: true}}}\n"
+        "grid: {blocks.plant.parameters.fault: [0, 9, 8]}\n"
+    )
+    study = running.run(description.load(tmp_path / "study.yaml"), Options(tmp_path / "results"))
+    rows = list(study.rows())
+    assert [row["status"] for row in rows] == ["completed", "failed", "completed"] * 2
+    assert all("segmentation fault in fmi2DoStep()" in row["reason"] for row in rows if row["status"] == "failed")
+    assert len({row["metrics"]["x"] for row in rows if row["status"] == "completed"}) == 1
+
+
+def test_what_compiled_code_is_called_does_not_depend_on_the_process():
+    code = (
+        "from cosim import adapters; from cosim.fmu import adapter, mailbox; "
+        "print(*map(adapters.fingerprint, (adapter.adapt, mailbox.remote, mailbox.serve)))"
+    )
+    texts = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout for _ in range(2)}
+    assert len(texts) == 1 and len(texts.pop().split()) == 3
+
+
 # ---- processes ----
+
+
+def test_a_run_that_is_dropped_leaves_no_process(machines, fleet):
+    before = children(os.getpid())
+    one = Run(fleet(machines["2"], "co-simulation", True))
+    one.simulation.initialize()
+    assert len(children(os.getpid()) - before) == 2
+    del one
+    assert children(os.getpid()) == before
+
 
 LONG = """
 run: {{stop: 1000000, step: 0.01}}
