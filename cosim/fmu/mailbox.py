@@ -1,7 +1,9 @@
 """Calls from one process to another through a few words of shared memory.
 
 Both processes have the arena at the same address, so a call is only its number and the time, an answer only a status.
-Each side writes its own cache lines. Who waits first spins, then yields its processor, then sleeps until it is woken.
+Each side writes its own cache lines. Who waits first spins, then yields its processor, then sleeps until it is woken;
+how long it spins follows from whether that helped, because where the other side has no processor, spinning takes it
+one.
 Like `cosim.engine`, this is one source for both engines.
 """
 
@@ -22,8 +24,13 @@ OK, WARNING = 0, 1
 
 # A mailbox. The caller writes the first line, the server the second; a flag says that the other side must wake it.
 MAILBOX_WORDS = 80
-REQUEST, NUMBER, TIME = 0, 1, 2  # how many calls there have been; the last one's number (or STOP) and time (s)
-ANSWER, STATUS = 16, 17  # how many calls have been answered, and the last one's status
+REQUEST, NUMBER, TIME, CALLER_SPINS = (
+    0,
+    1,
+    2,
+    3,
+)  # how many calls there have been; the last one's number (or STOP) and time (s)
+ANSWER, STATUS, SERVER_SPINS = 16, 17, 18  # how many calls have been answered, and the last one's status
 CALLER_SLEEPS, SERVER_SLEEPS = 32, 48
 CALLS = 64  # the address of the server's table of calls: (function, frame) each
 SPINS, YIELDS, YIELD, SLEEP, WAKE_ARGUMENT = 65, 66, 67, 68, 69  # how to wait: see `new`
@@ -35,7 +42,7 @@ SERVERS, FAILED, BOXES = 0, 1, 2
 LINK, PLAN, FRAME_WORDS = 2, 3, 4  # words of a frame, as of `cosim.fmu.adapter`; PLAN is the call's number here
 
 _SLEEP_SECONDS = 0.1
-_SPINNING = 300  # pauses of some 40 ns; who spins on while the other side lacks a processor loses a time slice
+_SPINNING, _LEAST = 300, 8  # pauses of some 40 ns
 _YIELDING = 100
 _FUTEX = {"x86_64": 202, "aarch64": 98}
 _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
@@ -52,7 +59,7 @@ def remote(time: float, base: int, frame: int) -> int:
     worst = OK
     for k in range(n):
         c = words_at(link[BOXES + k], MAILBOX_WORDS)
-        while not changes(link[BOXES + k], ANSWER, CALLER_SLEEPS, c[REQUEST] - 1):
+        while not changes(link[BOXES + k], ANSWER, CALLER_SLEEPS, CALLER_SPINS, c[REQUEST] - 1):
             pass
         if c[STATUS] > worst:
             worst = c[STATUS]
@@ -65,7 +72,7 @@ def serve(time: float, base: int, box: int) -> int:
     c = words_at(box, MAILBOX_WORDS)
     answered = c[ANSWER]
     while True:
-        if not changes(box, REQUEST, SERVER_SLEEPS, answered):
+        if not changes(box, REQUEST, SERVER_SLEEPS, SERVER_SPINS, answered):
             return WARNING
         number = c[NUMBER]
         if number != STOP:
@@ -90,14 +97,19 @@ def post(box: int, number: int, time: float) -> int:
     return OK
 
 
-def changes(box: int, word: int, sleeps: int, old: int) -> bool:
+def changes(box: int, word: int, sleeps: int, spins: int, old: int) -> bool:
     """Wait until a word is no longer what it was. Returns whether it has changed within a second or so of sleep."""
     c = words_at(box, MAILBOX_WORDS)
     at = box + 8 * word
-    for _ in range(c[SPINS]):
+    n = c[spins]
+    for _ in range(n):
         if load(at) != old:
+            if n < c[SPINS]:
+                c[spins] = n + 1 + n // 8
             return True
         pause()
+    if n > _LEAST:
+        c[spins] = n // 2
     for _ in range(c[YIELDS]):
         if load(at) != old:
             return True
@@ -134,7 +146,7 @@ def new() -> np.ndarray:
     box = shared(8 * MAILBOX_WORDS).view(np.int64)
     library = ctypes.CDLL(None)
     number = _FUTEX.get(platform.machine(), 0) if sys.platform == "linux" else 0
-    box[SPINS] = _SPINNING if _processors() > 1 else 0
+    box[SPINS] = box[CALLER_SPINS] = box[SERVER_SPINS] = _SPINNING if _processors() > 1 else 0
     box[YIELDS] = _YIELDING
     box[YIELD] = _address(library.sched_yield)
     box[SLEEP] = _address(library.syscall if number else library.usleep)
