@@ -234,10 +234,10 @@ class Simulation:
                 return
             size = int(max(1, min(largest, 4 * size, size * BATCH_SECONDS / max(spent, 1e-6))))
 
-    def _do_batch(self) -> tuple[int, CosimError | None]:
+    def _do_batch(self) -> tuple[int, BaseException | None]:
         try:
             return self._host.run("run"), None
-        except CosimError as error:  # a process has ended, but what it probed is here
+        except (CosimError, KeyboardInterrupt) as error:  # a process has ended, but what it probed is here
             return engine.OK, error
 
     def _samples(self) -> list[Samples]:

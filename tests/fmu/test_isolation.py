@@ -154,7 +154,7 @@ LONG = """
 run: {{stop: 1000000, step: 0.01}}
 blocks:
   source: {{type: Source}}
-  plant: {{fmu: {fmu}, isolate: {isolated}, inputs: {{u: source.u}}}}
+  plant: {{fmu: {fmu}, isolate: {isolated}, inputs: {{u: source.u}}, parameters: {{fault: {fault}, fault_time: 1}}}}
 record: {{period: 0.1, signals: [plant.x]}}
 """
 
@@ -183,9 +183,9 @@ def long_run(machines, partners, tmp_path):
     """A long run by the command line: its process, its children, its result."""
     started = []
 
-    def start(isolated: str) -> tuple[subprocess.Popen, set[int], Path]:
+    def start(isolated: str, fault: int = 0) -> tuple[subprocess.Popen, set[int], Path]:
         output = tmp_path / "long.nc"
-        path = partners(LONG.format(fmu=machines["2"], isolated=isolated))
+        path = partners(LONG.format(fmu=machines["2"], isolated=isolated, fault=fault))
         command = [sys.executable, "-m", "cosim.cli", "run", str(path), "-o", str(output)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         started.append(process)
@@ -209,6 +209,20 @@ def test_interruption_keeps_data_and_leaves_no_process(long_run, isolated, proce
     assert not any(lives(pid) for pid in forked)
     with results.open_result(output) as result:
         assert result.attrs["status"] == "interrupted" and len(result.times) > 10
+
+
+@pytest.mark.parametrize("isolated", ["false", "true"])
+def test_a_second_interruption_breaks_through_a_call_that_hangs(long_run, isolated):
+    process, forked, output = long_run(isolated, 10)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.5)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=8)
+    assert process.returncode == 130 and "Traceback" not in err
+    assert not any(lives(pid) for pid in forked)
+    with results.open_result(output) as result:
+        assert result.attrs["status"] == "interrupted" and len(result.times) == 11
 
 
 @pytest.mark.parametrize("isolated", ["false", "true"])
