@@ -25,14 +25,25 @@ from cosim.table import Call, Table
 ENGINE = "engine"
 
 
+class Trace(Protocol):
+    """What shared memory tells of a part: a number that changes with every call, whether one failed, how all ended."""
+
+    @property
+    def activity(self) -> int: ...
+    @property
+    def failed(self) -> bool: ...
+    def ended(self, how: str, hung: bool, time: float) -> CosimError: ...
+
+
 class Part(Protocol):
     """Instances of a foreign block that live together in one process: that of the name, "" for the engine's.
 
-    `open`, `failure`, `close` and `serve` are called there; the rest tells of it from shared memory. A part with a
-    process of its own serves the loop until it is told to `stop`.
+    `open`, `failure`, `close` and `serve` are called there. A part with a process of its own serves the loop until it
+    is told to `stop`; it is `busy` while the loop waits for it.
     """
 
     process: str
+    trace: Trace
 
     def open(self) -> None: ...
     def failure(self, time: float) -> CosimError: ...
@@ -40,12 +51,7 @@ class Part(Protocol):
     def serve(self) -> None: ...
     def stop(self) -> None: ...
     @property
-    def activity(self) -> int: ...
-    @property
     def busy(self) -> bool: ...
-    @property
-    def failed(self) -> bool: ...
-    def ended(self, how: str, hung: bool, time: float) -> CosimError: ...
 
 
 Parts = Mapping[str, Sequence[Part]]
@@ -149,7 +155,7 @@ class Watch:
         """What changes as long as a foreign block does something; None while a native one is at work."""
         if self._asked is None and self._call().slave not in self._parts:
             return None
-        calls = [part.activity for part in _all(self._parts)]
+        calls = [part.trace.activity for part in _all(self._parts)]
         return int(self._control[engine.STEP]), int(self._control[engine.AT]), *calls
 
     @contextmanager
@@ -174,7 +180,7 @@ class Watch:
             else:
                 part = next((p for p in candidates if not p.process), None)
         if part is not None:
-            return part.ended(end.how, end.hung, time)
+            return part.trace.ended(end.how, end.hung, time)
         slave = self._table.network.slaves[call.slave]
         message = f"block {slave.name}: {end.how} in {call.function.name}() at t = {time:g} s"
         inside = sorted({p for p, parts in self._parts.items() if not all(part.process for part in parts)})
@@ -194,4 +200,4 @@ def _all(parts: Parts) -> Iterator[Part]:
 
 
 def _failed(parts: Sequence[Part]) -> Part:
-    return next((part for part in parts if part.failed), parts[0])
+    return next((part for part in parts if part.trace.failed), parts[0])

@@ -310,26 +310,10 @@ class Instances:
             self._shadows[name] = self._array(-(-len(self.members) * size // 8))
         return self._shadows[name].ctypes.data
 
-    # ---- what other processes can tell ----
-
-    @property
-    def activity(self) -> int:
-        """A number that changes with every call of the FMU."""
-        return int(self.link[layout.CALLED])
-
     @property
     def busy(self) -> bool:
         """Whether the loop waits for these instances, if it waits for the block."""
         return True
-
-    @property
-    def failed(self) -> bool:
-        """Whether a call failed."""
-        return int(self.link[layout.STATUS]) > layout.WARNING
-
-    def ended(self, how: str, hung: bool, time: float) -> SlaveFailed:
-        """The error of a process that died or fell silent at a time (s)."""
-        return self.trace.ended(how, hung, time)
 
     # ---- failing and closing ----
 

@@ -47,6 +47,16 @@ class Trace:
         self.link[layout.INSTANCE], self.link[layout.CALLING] = k, address
         self.link[layout.CALLED] += 1
 
+    @property
+    def activity(self) -> int:
+        """A number that changes with every call of the FMU."""
+        return int(self.link[layout.CALLED])
+
+    @property
+    def failed(self) -> bool:
+        """Whether a call of the loop's failed."""
+        return int(self.link[layout.STATUS]) > layout.WARNING
+
     def failure(
         self, text: str, k: int, time: float, kind: type[SlaveFailed] = SlaveFailed, fix: str = ""
     ) -> SlaveFailed:
