@@ -98,9 +98,7 @@ class Unit:
 
 def units(model: Model) -> tuple[list[Unit], list[str]]:
     """The loop and the block types of a model, and the symbol of each call's function."""
-    loop = tuple(
-        replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (engine.run, engine.execute)
-    )
+    loop = tuple(replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (engine.run, engine.execute))
     found: dict[tuple[object, ...], Unit] = {}
     owner: dict[str, str] = {}
     for name, slave in model.network.slaves.items():

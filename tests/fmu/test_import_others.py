@@ -100,8 +100,8 @@ def others(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["PythonLag2", "PythonLag3"])
-@pytest.mark.parametrize("engine", ["native", "python"])
-def test_it_runs_for_each_robot_with_the_native_twin_s_bits(others, partners, trajectories, name, engine):
+@pytest.mark.parametrize(("engine", "isolated"), [("native", "false"), ("python", "false"), ("native", "true")])
+def test_it_runs_for_each_robot_with_the_native_twin_s_bits(others, partners, trajectories, name, engine, isolated):
     network = run.load(
         partners(f"""
         run: {{stop: 1, step: 0.01}}
@@ -111,6 +111,7 @@ def test_it_runs_for_each_robot_with_the_native_twin_s_bits(others, partners, tr
           twin: {{type: Lag, per: robot, inputs: {{u: source.u}}, parameters: {{T: "i/4"}}}}
           plant:
             fmu: {others[name]}
+            isolate: {isolated}
             per: robot
             inputs: {{u: source.u}}
             parameters: {{T: "i/4", label: [a, b, c]}}
