@@ -238,3 +238,18 @@ def test_what_an_fmu_prints_does_not_mix_with_json(told, tmp_path):
     finally:
         machine.SOURCE = before
     assert "hello from inside" in told(diagram(path, ERROR)).err
+
+
+def test_a_crash_in_a_native_block_says_who_else_was_there(told, machines, tmp_path):
+    (tmp_path / "breaker.py").write_text(
+        "import os\nfrom cosim import Block, Output\n\n\n"
+        "class Breaker(Block, compiled=False):\n    y = Output()\n\n"
+        "    def outputs(time, y):\n        if time > 0.295:\n            os.abort()\n        y[0] = time\n"
+    )
+    text = diagram(machines["2"], 0).replace(
+        "  source:", f"  breaker: {{python: {tmp_path}/breaker.py:Breaker}}\n  source:"
+    )
+    end = told(text)
+    assert "block breaker: abort() in outputs() at t = 0.3 s" in end.text
+    assert "to see whether plant did it, write `isolate: true` there" in end.text
+    assert len(end.times) == 30
