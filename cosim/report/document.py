@@ -119,14 +119,13 @@ def _picture(figure: Figure, results: Results, rows: list[Row], files: dict[str,
     return f"<figure>{image}<figcaption><b>{escape(figure.name)}.</b> {escape(figure.caption)}</figcaption></figure>"
 
 
-def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, np.ndarray]:
-    """The values of a metric in each variant at each grid point."""
-    found: dict[str, list[float]] = {}
+def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, dict[str, np.ndarray]]:
+    """For each point of the grid the values of a metric in each variant."""
+    found: dict[str, dict[str, list[float]]] = {}
     for row in rows:
-        labels = [tables.label(study, row, axis.name) for axis in study.grid]
-        named = [f"{axis.name} = {text}" for axis, text in zip(study.grid, labels, strict=True)]
-        found.setdefault(", ".join([row["variant"], *named]), []).append(scalar(row["metrics"].get(metric)))
-    return {name: np.array(values) for name, values in found.items()}
+        point = ", ".join(f"{axis.name} = {tables.label(study, row, axis.name)}" for axis in study.grid)
+        found.setdefault(point, {}).setdefault(row["variant"], []).append(scalar(row["metrics"].get(metric)))
+    return {point: {name: np.array(v) for name, v in groups.items()} for point, groups in found.items()}
 
 
 def _timing(results: Results, rows: list[Row]) -> str:

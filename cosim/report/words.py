@@ -77,8 +77,9 @@ def _agree(ours: float, theirs: float) -> bool:
 
 
 def events(study: Study, rows: list[Row]) -> Iterator[str]:
-    """What happened when, in studies of few members."""
+    """What happened when, or in studies of many members, how often."""
     if len(rows) > EVENTS_OF:
+        yield from _often(rows)
         return
     for row in rows:
         for name, value in row["metrics"].items():
@@ -87,6 +88,16 @@ def events(study: Study, rows: list[Row]) -> Iterator[str]:
                 yield f"{row['name']}, {name}: {text}."
         for signal, first in row.get("events", {}).items():
             yield f"{row['name']}: {signal} first became true at t = {first:.4g} s."
+
+
+def _often(rows: list[Row]) -> Iterator[str]:
+    for signal in dict.fromkeys(signal for row in rows for signal in row.get("events", {})):
+        counts = {row["variant"]: [0, 0] for row in rows}
+        for row in rows:
+            counts[row["variant"]][0] += signal in row.get("events", {})
+            counts[row["variant"]][1] += 1
+        shares = ", ".join(f"{name} {seen} of {count}" for name, (seen, count) in counts.items())
+        yield f"Runs in which {signal} became true: {shares}."
 
 
 def failures(study: Study, rows: list[Row]) -> Iterator[str]:
