@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from blocks.reference import CircularFormationReference
+from blocks.reference import CircularFormationReference, SineWavePath
 
 
 def reference(time: float, angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    place, x_d, dx_d, ddx_d = np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(3)
+    place, centre, robot = np.zeros(2), np.zeros((3, 3)), np.zeros((3, 3))
+    SineWavePath.outputs(time, 0.2, 1.0, 0.3, *centre)
     CircularFormationReference.calculate(angle, 1.8, place)
-    CircularFormationReference.outputs(time, place, 0.2, 1.0, 0.3, x_d, dx_d, ddx_d)
-    return x_d, dx_d, ddx_d
+    CircularFormationReference.outputs(*centre, place, *robot)
+    return robot[0], robot[1], robot[2]
 
 
 @pytest.mark.parametrize("i", range(1, 7))
