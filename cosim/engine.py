@@ -18,6 +18,7 @@ OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
 
 # An operation: kind, three operands, done every so many steps, at the step's begin (0) or end (1), and its block.
 OPERATION_WORDS = 8
+OPERATION_BYTES = 8 * OPERATION_WORDS
 KIND, A, B, C, EVERY, AT_END, BLOCK = range(7)
 CALL, COPY, INTEGRATE = range(3)  # operands: function, frame | to, from, words | bank
 
@@ -106,35 +107,31 @@ def execute(time: float, base: int, control: int) -> int:
 
 def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, step: float) -> int:
     """Do calls and copies in order, as of step k and a time (s)."""
-    operations = words_at(c[OPERATIONS], c[N_OPERATIONS] * OPERATION_WORDS)
-    functions = words_at(c[FUNCTIONS], c[N_FUNCTIONS])
+    operations, functions = c[OPERATIONS], c[FUNCTIONS]
     for o in range(begin, end):
-        p = o * OPERATION_WORDS
-        every = operations[p + EVERY]
+        row = words_at(operations + o * OPERATION_BYTES, OPERATION_WORDS)
+        every = row[EVERY]
         if every != 1 and k % every != 0:
             continue
         c[AT] = o
-        if operations[p + KIND] == CALL:
-            now = time + step if operations[p + AT_END] != 0 else time
-            status = call(functions[operations[p + A]], now, base, base + operations[p + B])
+        if row[KIND] == CALL:
+            now = time + step if row[AT_END] != 0 else time
+            status = call(words_at(functions + row[A] * 8, 1)[0], now, base, base + row[B])
             if status != OK:
                 if status > WARNING:
                     return status
                 c[WARNINGS] += 1
         else:
-            n = operations[p + C]
-            to, source = words_at(base + operations[p + A], n), words_at(base + operations[p + B], n)
-            for j in range(n):
-                to[j] = source[j]
+            copy(base + row[A], base + row[B], row[C])
     return OK
 
 
 def advance(c: Any, base: int, k: int, time: float, step: float) -> int:
     """Do what stands between the communication points k and k+1: integrations, slaves' steps, copies."""
-    operations = words_at(c[OPERATIONS], c[N_OPERATIONS] * OPERATION_WORDS)
     for o in range(c[BETWEEN_BEGIN], c[BETWEEN_END]):
-        if operations[o * OPERATION_WORDS + KIND] == INTEGRATE:
-            status = integrate(c, base, operations[o * OPERATION_WORDS + A], k, time, step)
+        row = words_at(c[OPERATIONS] + o * OPERATION_BYTES, OPERATION_WORDS)
+        if row[KIND] == INTEGRATE:
+            status = integrate(c, base, row[A], k, time, step)
         else:
             status = operate(c, base, o, o + 1, k, time, step)
         if status > WARNING:
@@ -158,13 +155,14 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
             status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, 0.0)
         if status > WARNING:
             return status
-        origin = x if s == 0 else w
-        if b[METHOD] == EULER:
-            move(origin, h, d, w)
-        else:
-            status = finish_rk4(c, base, b, origin, w, d, k, time, h)
+        if b[METHOD] == RK4:
+            status = finish_rk4(c, base, b, x if s == 0 else w, w, d, k, time, h)
             if status > WARNING:
                 return status
+        elif s > 0 or b[IN_PLACE] != 0:
+            add(w, h, d)
+        else:
+            move(x, h, d, w)
     return OK
 
 
@@ -174,9 +172,15 @@ def part(c: Any, base: int, b: Any, vector: int) -> Any:
 
 
 def move(origin: Any, h: float, d: Any, w: Any) -> None:
-    """w = origin + h d, element by element; w may be origin."""
+    """w = origin + h d, element by element."""
     for j in range(w.size):
         w[j] = origin[j] + h * d[j]
+
+
+def add(w: Any, h: float, d: Any) -> None:
+    """w += h d; vectorised where `move` would find that its arrays overlap."""
+    for j in range(w.size):
+        w[j] += h * d[j]
 
 
 def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
@@ -191,7 +195,7 @@ def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, t
         status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, 0.0)
         if status > WARNING:
             return status
-        move(total, 1.0 if stage == 3 else 2.0, d, total)
+        add(total, 1.0 if stage == 3 else 2.0, d)
         move(start, h if stage == 2 else 0.5 * h, d, w)
     move(start, h / 6.0, total, w)
     return OK
@@ -199,22 +203,29 @@ def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, t
 
 def probe(c: Any, base: int, k: int) -> None:
     """Copy the probed signals of every group that is due at step k to its buffer."""
-    groups = words_at(c[GROUPS], c[N_GROUPS] * GROUP_WORDS)
-    probes = words_at(c[PROBES], c[N_PROBES] * PROBE_WORDS)
-    for g in range(0, c[N_GROUPS] * GROUP_WORDS, GROUP_WORDS):
-        if k % groups[g + GROUP_EVERY] != 0:
+    for g in range(c[N_GROUPS]):
+        group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
+        every = group[GROUP_EVERY]
+        if every != 1 and k % every != 0:
             continue
-        words = groups[g + ROW_WORDS]
-        row = words_at(groups[g + BUFFER] + groups[g + FILLED] * words * 8, words)
-        row[0] = k
-        at = 1
-        for p in range(groups[g + PROBES_BEGIN], groups[g + PROBES_END]):
-            n = probes[p * PROBE_WORDS + 1]
-            source = words_at(base + probes[p * PROBE_WORDS], n)
-            for j in range(n):
-                row[at + j] = source[j]
-            at += n
-        groups[g + FILLED] += 1
+        row = group[BUFFER] + group[FILLED] * group[ROW_WORDS] * 8
+        words_at(row, 1)[0] = k
+        row += 8
+        for p in range(group[PROBES_BEGIN], group[PROBES_END]):
+            probed = words_at(c[PROBES] + p * PROBE_WORDS * 8, PROBE_WORDS)
+            copy(row, base + probed[0], probed[1])
+            row += probed[1] * 8
+        group[FILLED] += 1
+
+
+def copy(to: int, source: int, n: int) -> None:
+    """Copy n words, most often one, from an address to another."""
+    if n == 1:
+        words_at(to, 1)[0] = words_at(source, 1)[0]
+        return
+    there, here = words_at(to, n), words_at(source, n)
+    for j in range(n):
+        there[j] = here[j]
 
 
 def is_finite(c: Any, base: int) -> bool:

@@ -306,6 +306,7 @@ class _Builder:
     def _between(self, tasks: list[order.Task]) -> tuple[int, int]:
         """From one communication point to the next: sampled updates, then the method's integrations."""
         banks = self._joint_bank(tasks) if self.method == "joint" else self._banks()
+        hidden = any(not self.banks[bank][engine.IN_PLACE] for bank in banks.values())
         begin = len(self.operations)
         for slave in self.network.slaves.values():
             for function in slave.declaration.kind("update"):
@@ -316,7 +317,7 @@ class _Builder:
             self._calls("step")
             for bank in banks.values():
                 self._operation(engine.INTEGRATE, bank)
-        if self.method == "jacobi" and banks:
+        if hidden:
             self._copy(self.vectors["X"], self.vectors["W"], 8 * self.states)
         return self._range(begin)
 
@@ -340,7 +341,17 @@ class _Builder:
         """A bank for each slave with states; under Jacobi its stages stay hidden until all slaves have stepped."""
         in_place = int(self.method == "gauss-seidel")
         slaves = [s for s in self.network.slaves.values() if s.declaration.continuous()]
+        if self.method == "jacobi" and all(s.method == "euler" and s.inner_steps == 1 for s in slaves):
+            return self._simple_bank(slaves)
         return {slave.name: self._bank(slave, in_place) for slave in slaves}
+
+    def _simple_bank(self, slaves: list[Slave]) -> dict[str, int]:
+        """Jacobi where each slave does one Euler step: all derivatives come first, so one bank in place does it."""
+        begin = len(self.operations)
+        for slave in slaves:
+            self._derivatives(slave)
+        first = self._range(begin)
+        return {"": self._add_bank(0, self.states, 1, "euler", 1, first, (first[1], first[1]))} if slaves else {}
 
     def _bank(self, slave: Slave, in_place: int) -> int:
         """The states of one slave, and the operations that give their derivatives."""
