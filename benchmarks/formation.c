@@ -58,19 +58,14 @@ static double N_x, N_v, N_w, norm_delta_x, norm_e_x, norm_S, norm_S_hat, min_gap
 static double max_N_x, max_N_v, max_N_w, max_delta_x, max_e_x, max_S, smallest_gap = INFINITY;
 static double collided[N][N], unsafe[N]; /* first time; NaN: never */
 
-/* The cube root of a >= 0: see blocks/cube_root.py. Faster than libm's, and the same bits as the block's. */
-static inline double cube_root(double a) {
-    double unscale = 1.0;
-    if (!(1e-280 < a && a < 1e280)) {
-        if (!(0.0 < a && a < INFINITY)) return a;
-        bool up = a < 1.0;
-        a *= up ? 0x1p300 : 0x1p-300;
-        unscale = up ? 0x1p-100 : 0x1p100;
-    }
+/* The cube root: see blocks/cube_root.py. Faster than libm's, and the same bits as the block's. */
+static const double LOWEST = 1e-280, HIGHEST = 1e280;
+
+static inline double cube_root_within(double a) {
     int64_t bits;
     double inverse;
     memcpy(&bits, &a, 8);
-    bits = 0x553EEC6D51E95C00 - bits / 3;
+    bits = 0x553EEC6D51E95C00 - (bits >> 32) * 0x55555556;
     memcpy(&inverse, &bits, 8);
     double e = 1.0 - a * inverse * inverse * inverse;
     inverse *= 1.0 + e * (1.0 / 3.0 + e * (2.0 / 9.0 + e * (14.0 / 81.0)));
@@ -80,7 +75,22 @@ static inline double cube_root(double a) {
     double cube = root * root * root;
     double r = (a - cube) / cube;
     double series = r * (1.0 / 3.0 - r * (1.0 / 9.0 - r * (5.0 / 81.0 - r * (10.0 / 243.0))));
-    return unscale * (root + root * series);
+    return root + root * series;
+}
+
+static double cube_root(double a) {
+    if (LOWEST < a && a < HIGHEST) return cube_root_within(a);
+    if (!(0.0 < a && a < INFINITY)) return a;
+    return a < 1.0 ? 0x1p-100 * cube_root_within(0x1p300 * a) : 0x1p100 * cube_root_within(0x1p-300 * a);
+}
+
+static inline void cube_roots(const double *e, double *roots) {
+    bool ordinary = true;
+    for (int q = 0; q < DIM; q++) ordinary &= LOWEST < fabs(e[q]) && fabs(e[q]) < HIGHEST;
+    if (ordinary)
+        for (int q = 0; q < DIM; q++) roots[q] = cube_root_within(fabs(e[q]));
+    else
+        for (int q = 0; q < DIM; q++) roots[q] = cube_root(fabs(e[q]));
 }
 
 static void initialize(void) {
@@ -219,10 +229,12 @@ static void activations(const double *x, const double *v, double *phi) { /* see 
 
 static void observer(void) { /* outputs of (10) */
     for (int i = 0; i < N; i++) {
+        double e[DIM], r[DIM];
+        for (int q = 0; q < DIM; q++) e[q] = x[i][q] - x_hat[i][q];
+        cube_roots(e, r);
         for (int q = 0; q < DIM; q++) {
-            double e = x[i][q] - x_hat[i][q], r = cube_root(fabs(e));
-            s_1[i][q] = copysign(r * r, e);
-            s_2[i][q] = copysign(r, e);
+            s_1[i][q] = copysign(r[q] * r[q], e[q]);
+            s_2[i][q] = copysign(r[q], e[q]);
         }
         activations(x[i], v_hat[i], phi[i]);
         for (int q = 0; q < DIM; q++) w_hat[i][q] = 0.0;

@@ -4,22 +4,29 @@ import math
 
 import numpy as np
 
+#: Between these, `cube_root_within` is right.
+LOWEST, HIGHEST = 1e-280, 1e280
+
 
 def cube_root(a: float) -> float:
-    """The cube root of a number a >= 0, within one unit in the last place; infinity and NaN are handed on.
+    """The cube root of a number a >= 0, within one unit in the last place; infinity and NaN are handed on."""
+    if LOWEST < a < HIGHEST:
+        return cube_root_within(a)
+    if not 0.0 < a < math.inf:
+        return a
+    if a < 1.0:
+        return 2.0**-100 * cube_root_within(2.0**300 * a)
+    return 2.0**100 * cube_root_within(2.0**-300 * a)
+
+
+def cube_root_within(a: float) -> float:
+    """The cube root of a number in (LOWEST, HIGHEST), without branches, so that several are found at once.
 
     Dividing the exponent field of a's bits by -3 gives a^(-1/3) to within 4 %, one step of fourth order to within
     2e-5. The root from it, cut to 17 bits so that its cube is exact, leaves a remainder u, and a Taylor series of
-    (1 + u)^(1/3) finishes.
+    (1 + u)^(1/3) finishes. The upper half of the bits, times 2^32 / 3, is a third of them in one multiplication.
     """
-    scale = 1.0
-    if not 1e-280 < a < 1e280:
-        if not 0.0 < a < math.inf:
-            return a
-        up = a < 1.0
-        a *= 2.0**300 if up else 2.0**-300
-        scale = 2.0**-100 if up else 2.0**100
-    inverse = np.int64(0x553EEC6D51E95C00 - np.float64(a).view(np.int64) // 3).view(np.float64)
+    inverse = np.int64(0x553EEC6D51E95C00 - (np.float64(a).view(np.int64) >> 32) * 0x55555556).view(np.float64)
     e = 1.0 - a * inverse * inverse * inverse
     inverse *= 1.0 + e * (1.0 / 3.0 + e * (2.0 / 9.0 + e * (14.0 / 81.0)))
     root = a * inverse * inverse
@@ -28,4 +35,4 @@ def cube_root(a: float) -> float:
     cube = root * root * root
     u = (a - cube) / cube
     series = u * (1.0 / 3.0 - u * (1.0 / 9.0 - u * (5.0 / 81.0 - u * (10.0 / 243.0))))
-    return scale * (root + root * series)
+    return root + root * series

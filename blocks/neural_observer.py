@@ -70,7 +70,8 @@ class NeuralObserver(Block):
 
     def outputs_correction(x, x_hat, beta_1, root, s_1, s_2):
         for q in range(x.size):
-            s_1[q], s_2[q] = signed_powers(x[q] - x_hat[q], beta_1, root)
+            s_1[q] = x[q] - x_hat[q]
+        signed_powers(beta_1, root, s_1, s_2)
 
     def outputs(x, v_hat, W_hat, centres, width, spacing, decay, phi, w_hat):
         activations(x, v_hat, centres, width, spacing, decay, phi)

@@ -54,8 +54,9 @@ def test_finite_time_observer(beta_1):
     rng = np.random.default_rng(5)
     x, u, x_hat, v_hat, w_hat = rng.normal(size=(5, 3))
     g = rng.normal(size=(3, 3))
-    d = np.zeros((3, 3))
-    FiniteTimeObserver.derivatives(x, u, g, x_hat, v_hat, w_hat, 8.0, 7.0, 6.0, beta_1, common_root(beta_1), *d)
+    s_1, s_2, *d = np.zeros((5, 3))
+    FiniteTimeObserver.outputs(x, x_hat, beta_1, common_root(beta_1), s_1, s_2)
+    FiniteTimeObserver.derivatives(u, g, v_hat, w_hat, s_1, s_2, 8.0, 7.0, 6.0, *d)
     e, beta_2 = x_hat - x, 2 * beta_1 - 1
     np.testing.assert_allclose(d[0], v_hat - 8.0 * sgn(e, beta_1), rtol=1e-13)
     np.testing.assert_allclose(d[1], w_hat - 7.0 * sgn(e, beta_2) + g @ u, rtol=1e-13)
@@ -118,8 +119,9 @@ def test_finite_time_observer_finds_a_constant_uncertainty():
     hat = np.zeros((3, 1))
     w = np.array([1.5])
     for _ in range(6000):
-        d = np.zeros((3, 1))
-        FiniteTimeObserver.derivatives(x, np.zeros(1), np.eye(1), *hat, 8.0, 8.0, 6.0, 2 / 3, 3, *d)
+        s, d = np.zeros((2, 1)), np.zeros((3, 1))
+        FiniteTimeObserver.outputs(x, hat[0], 2 / 3, 3, *s)
+        FiniteTimeObserver.derivatives(np.zeros(1), np.eye(1), *hat[1:], *s, 8.0, 8.0, 6.0, *d)
         x, v, hat = x + h * v, v + h * w, hat + h * d
     assert abs(hat[1, 0] - v[0]) < 0.05
     assert abs(hat[2, 0] - 1.5) < 0.3

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from blocks.cube_root import cube_root
+from blocks.cube_root import HIGHEST, LOWEST, cube_root, cube_root_within
 from blocks.signed_power import common_root, signed_powers
 
 
@@ -36,18 +36,30 @@ def test_cube_root_beside_the_normal_numbers():
 
 def test_cube_root_compiled_gives_the_same_bits():
     numba = pytest.importorskip("numba")
-    root = numba.njit(error_model="numpy")(cube_root)
-    compiled = numba.njit(lambda a, r: [root(x) for x in a][: len(r)])
+    within = numba.njit(error_model="numpy")(cube_root_within)
+    compiled = numba.njit(lambda numbers: [within(a) for a in numbers])
     numbers = spread(2000)
-    assert [cube_root(a) for a in numbers] == list(compiled(numbers, numbers))
+    numbers = numbers[(numbers > LOWEST) & (numbers < HIGHEST)]
+    assert [cube_root(a) for a in numbers] == compiled(numbers)
 
 
 @pytest.mark.parametrize("beta", [2 / 3, 0.75, 0.6, 0.9])
 @pytest.mark.parametrize("e", [-3.0, -1e-9, 0.0, 0.4, 8.0])
 def test_signed_powers(beta, e):
-    first, second = signed_powers(e, beta, common_root(beta))
-    assert first == pytest.approx(np.sign(e) * abs(e) ** beta, rel=1e-14)
-    assert second == pytest.approx(np.sign(e) * abs(e) ** (2 * beta - 1), rel=1e-14)
+    first, second = np.array([e, 1.0, -e]), np.zeros(3)
+    given = first.copy()
+    signed_powers(beta, common_root(beta), first, second)
+    assert first == pytest.approx(np.sign(given) * abs(given) ** beta, rel=1e-14)
+    assert second == pytest.approx(np.sign(given) * abs(given) ** (2 * beta - 1), rel=1e-14)
+
+
+@pytest.mark.parametrize("extreme", [0.0, 5e-324, -1e-300, 1e300, math.inf])
+def test_an_extreme_error_changes_no_other_channel(extreme):
+    first, second = np.array([-0.3, extreme, 0.7]), np.zeros(3)
+    signed_powers(2 / 3, 3, first, second)
+    roots = [-cube_root(0.3), math.copysign(cube_root(abs(extreme)), extreme), cube_root(0.7)]
+    assert second.tolist() == roots
+    assert first.tolist() == [math.copysign(r * r, r) for r in roots]
 
 
 def test_common_root_knows_rounded_thirds_only():
