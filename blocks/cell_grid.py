@@ -35,17 +35,14 @@ def sort_into_cells(x: NDArray, reach: float, cells: NDArray, heads: NDArray, li
 
 
 def later_near(i: int, cells: NDArray, heads: NDArray, links: NDArray, found: NDArray) -> int:
-    """Write the robots j > i that may be within reach of i to `found`, ascending; returns how many.
+    """Look for the robots j > i that may be within reach of i; returns how many there are for `later`.
 
-    Holds all that are within reach, and some that are not. Each pair is met once, from its smaller number.
+    They are all that are within reach, and some that are not. Each pair is met once, from its smaller number.
     """
     robots = heads.size
-    count = 0
     if robots <= SMALL:
-        for j in range(i + 1, robots):
-            found[count] = j
-            count += 1
-        return count
+        return robots - i - 1
+    count = 0
     for column in range(cells[i, 0] - 1, cells[i, 0] + 2):
         for row in range(cells[i, 1] - 1, cells[i, 1] + 2):
             j = heads[bucket_of(column, row, robots)]
@@ -59,6 +56,11 @@ def later_near(i: int, cells: NDArray, heads: NDArray, links: NDArray, found: ND
                     count += 1
                 j = links[j]
     return count
+
+
+def later(k: int, i: int, found: NDArray) -> int:
+    """The k-th robot (from 0, ascending) that `later_near` found for i."""
+    return i + 1 + k if found.size <= SMALL else found[k]
 
 
 def sees_all(x: NDArray, reach: float) -> bool:

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
-from blocks.cell_grid import later_near, sort_into_cells
-from blocks.distance import planar_distance
+from blocks.cell_grid import later, later_near, sort_into_cells
+from blocks.distance import planar_square, surely_beyond
 from cosim.block import Block, Dimension, Input, Local, Output, Parameter, rule
 
 
@@ -57,8 +57,11 @@ class RangeTopology(Block):
         sort_into_cells(x, R_c, cells, heads, links)
         for i in range(x.shape[0]):
             for k in range(later_near(i, cells, heads, links, found)):
-                j = found[k]
-                distance = planar_distance(x, i, j)
+                j = later(k, i, found)
+                square = planar_square(x, i, j)
+                if surely_beyond(square, R_c):
+                    continue
+                distance = math.sqrt(square)
                 if distance <= R_c:
                     weight = fading_weight(distance, eta_1, eta_2, eta_3)
                     if not is_heard(hears, i, j):

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from blocks.cell_grid import later_near, sees_all, sort_into_cells
-from blocks.distance import planar_distance
+from blocks.cell_grid import later, later_near, sees_all, sort_into_cells
+from blocks.distance import planar_square, surely_beyond
 from cosim.block import Dimension, Input, Local, Measure, Output, Parameter, State, rule
 
 
@@ -29,6 +29,22 @@ def forget(pairs: NDArray) -> None:
         if pairs[k, 0] == 0:
             return
         pairs[k, 0] = 0
+
+
+def note(i: int, j: int, time: float, collisions: NDArray) -> None:
+    """Write a pair that collides to the first free row, marked by a NaN, unless it has a row.
+
+    Raises: ValueError if there is none.
+    """
+    for k in range(collisions.shape[0]):
+        if not collisions[k, 0] > 0.0:
+            collisions[k, 0] = i
+            collisions[k, 1] = j
+            collisions[k, 2] = time
+            return
+        if collisions[k, 0] == i and collisions[k, 1] == j:
+            return
+    raise ValueError("more pairs of robots collided than `collision_capacity`: raise it under this block's dimensions")
 
 
 class Separation(Measure):
@@ -71,8 +87,11 @@ class Separation(Measure):
             smallest = math.inf
             for i in range(x.shape[0]):
                 for k in range(later_near(i, cells, heads, links, found)):
-                    j = found[k]
-                    gap = planar_distance(x, i, j) - radii[i] - radii[j]
+                    j = later(k, i, found)
+                    square = planar_square(x, i, j)
+                    if surely_beyond(square, max(smallest, 0.0) + radii[i] + radii[j]):
+                        continue
+                    gap = math.sqrt(square) - radii[i] - radii[j]
                     smallest = min(smallest, gap)
                     if gap <= 0.0:
                         remember(touching, i, j)
@@ -81,25 +100,8 @@ class Separation(Measure):
                 return
             reach *= 2.0
 
-    def update(time, touching, collisions, next_collisions):
-        rows = collisions.shape[0]
-        used = 0
-        for k in range(rows):
-            for q in range(3):
-                next_collisions[k, q] = collisions[k, q]
-            if collisions[k, 0] > 0.0:
-                used = k + 1
+    def update(time, touching, next_collisions):
         for k in range(touching.shape[0]):
             if touching[k, 0] == 0:
                 return
-            known = False
-            for r in range(used):
-                if next_collisions[r, 0] == touching[k, 0] and next_collisions[r, 1] == touching[k, 1]:
-                    known = True
-            if not known:
-                if used == rows:
-                    raise ValueError("more pairs of robots collided than `collision_capacity`")
-                next_collisions[used, 0] = touching[k, 0]
-                next_collisions[used, 1] = touching[k, 1]
-                next_collisions[used, 2] = time
-                used += 1
+            note(touching[k, 0], touching[k, 1], time, next_collisions)

@@ -24,7 +24,8 @@ function           writes
 ``outputs…``       the outputs and locals that it names and that no function before it writes; any number of such
                    functions, so that direct feedthrough is known per output
 ``derivatives``    ``d_<state>`` for the continuous states
-``update``         ``next_<state>`` for the discrete states, once a period
+``update``         ``next_<state>`` for the discrete states, once a period; it comes with the state's value, so that
+                   what stays need not be written
 =================  ==========================================================================================
 
 A scalar that is read comes as a number, one that is written as an array of one element. ``time`` (s) may be named by

@@ -94,8 +94,8 @@ class Counter(Block):
     count = State(output=True, dtype=int)
     held = State(output=True)
 
-    def update(u, count, next_count, next_held):
-        next_count[0] = count + 1
+    def update(u, next_count, next_held):
+        next_count[0] += 1
         next_held[0] = u
 
 

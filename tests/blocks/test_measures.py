@@ -95,9 +95,7 @@ def test_collisions_are_remembered_once_with_their_first_time():
     collisions = np.full((3, 3), math.nan)
     steps = [(0.1, [[0, 0], [0, 0]]), (0.2, [[1, 6], [0, 0]]), (0.3, [[1, 6], [2, 3]]), (0.4, [[2, 3], [0, 0]])]
     for time, touching in steps:
-        after = np.zeros((3, 3))
-        Separation.update(time, np.array(touching, np.int32), collisions, after)
-        collisions = after
+        Separation.update(time, np.array(touching, np.int32), collisions)
     assert collisions[:2].tolist() == [[1, 6, 0.2], [2, 3, 0.3]]
     assert np.isnan(collisions[2]).all()
 
@@ -107,7 +105,7 @@ def test_too_many_collisions_stop_the_run():
         separation(np.zeros((6, 2)), np.ones(6), capacity=14)
     full = np.array([[1.0, 2.0, 0.0]])
     with pytest.raises(ValueError, match="collision_capacity"):
-        Separation.update(1.0, np.array([[3, 4]], np.int32), full, np.zeros((1, 3)))
+        Separation.update(1.0, np.array([[3, 4]], np.int32), full)
 
 
 def test_pair_gaps():

@@ -75,8 +75,8 @@ class Counter(Block):
         for q in range(2):
             y[q] = u[q] - seen[q]
 
-    def update(u, count, next_count, next_seen):
-        next_count[0] = count + 1
+    def update(u, next_count, next_seen):
+        next_count[0] += 1
         for q in range(2):
             next_seen[q] = u[q]
 
