@@ -10,10 +10,10 @@ def local_error(delta: NDArray, neighbours: NDArray, weights: NDArray, b: NDArra
     """
     for i in range(delta.shape[0]):
         for q in range(delta.shape[1]):
-            total = b[i] * delta[i, q]
-            for k in range(neighbours.shape[1]):
-                j = neighbours[i, k]
-                if j < 0:
-                    break
-                total += weights[i, k] * (delta[i, q] - delta[j, q])
-            e[i, q] = total
+            e[i, q] = b[i] * delta[i, q]
+        for k in range(neighbours.shape[1]):
+            j = neighbours[i, k]
+            if j < 0:
+                break
+            for q in range(delta.shape[1]):
+                e[i, q] += weights[i, k] * (delta[i, q] - delta[j, q])

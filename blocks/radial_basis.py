@@ -70,7 +70,7 @@ def activation(x: NDArray, v: NDArray, centre: float, width: float) -> float:
 def weighted_sum(weights: NDArray, phi: NDArray, w: NDArray) -> None:
     """w = W^T phi, (6); weights: (neurons, n), phi: (neurons), w: (n)."""
     for q in range(w.size):
-        total = 0.0
-        for j in range(phi.size):
-            total += weights[j, q] * phi[j]
-        w[q] = total
+        w[q] = 0.0
+    for j in range(phi.size):
+        for q in range(w.size):
+            w[q] += weights[j, q] * phi[j]
