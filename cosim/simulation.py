@@ -7,6 +7,7 @@ nothing returns to Python, and the interpreter's lock is released.
 from __future__ import annotations
 
 import ctypes
+import math
 import time as clock
 import weakref
 from collections.abc import Callable, Iterator, Sequence
@@ -41,6 +42,21 @@ class Samples:
 
     steps: np.ndarray
     values: dict[Signal, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where a signal is in the rows of a group of probes."""
+
+    signal: Signal
+    words: slice
+    shape: tuple[int, ...]
+    dtype: np.dtype
+
+    def of(self, rows: np.ndarray) -> np.ndarray:
+        """The signal's values (k, *shape) in the rows (k, words), as a view."""
+        size = math.prod(self.shape)
+        return rows[:, self.words].view(self.dtype)[:, :size].reshape(len(rows), *self.shape)
 
 
 @dataclass
@@ -141,12 +157,16 @@ class Simulation:
         rows: list[list[int]] = []
         probes: list[list[int]] = []
         self._buffers: list[np.ndarray] = []
+        self._columns: list[list[Column]] = []
         for group in self.probes:
-            begin = len(probes)
+            begin, words = len(probes), 1
+            self._columns.append([])
             for signal in group.signals:
-                nbytes = table.signal(signal, self.arena).nbytes
-                probes.append([table.places[signal].offset, -(-nbytes // 8)])
-            words = 1 + sum(size for _, size in probes[begin:])
+                now = table.signal(signal, self.arena)
+                size = -(-now.nbytes // 8)
+                probes.append([table.places[signal].offset, size])
+                self._columns[-1].append(Column(signal, slice(words, words + size), now.shape, now.dtype))
+                words += size
             capacity = max(2, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 2))
             buffer = self._words(capacity, words)
             self._buffers.append(buffer)
@@ -242,16 +262,10 @@ class Simulation:
 
     def _samples(self) -> list[Samples]:
         result = []
-        for group, row, buffer in zip(self.probes, self._groups, self._buffers, strict=True):
+        for row, buffer, columns in zip(self._groups, self._buffers, self._columns, strict=True):
             filled = min(max(0, int(row[engine.FILLED])), len(buffer))  # a crash may have left any number
             row[engine.FILLED] = 0
-            values, at = {}, 1
-            for signal in group.signals:
-                shape, dtype = self.table.network.shape(signal), self.table.places[signal].dtype
-                size = int(np.prod(shape))
-                words = -(-size * dtype.itemsize // 8)
-                values[signal] = buffer[:filled, at : at + words].view(dtype)[:, :size].reshape(filled, *shape)
-                at += words
+            values = {column.signal: column.of(buffer[:filled]) for column in columns}
             result.append(Samples(buffer[:filled, 0], values))
         return result
 
