@@ -170,10 +170,16 @@ def edited(folder: Path, version: int, pattern: str, replacement: str) -> Path:
 @pytest.mark.parametrize(
     ("version", "pattern", "replacement", "words"),
     [
-        (2, r'valueReference="2"', 'valueReference="999"', "fmi2GetReal() for `x` returned `error`"),
-        (3, '="6"', '="999"', "fmi3GetFloat64() for `h` returned `error`"),
-        (3, r'(name="twice".*?)start="3"', r'\1start="4"', "fmi3GetFloat64() for `twice` returned `error`"),
-        (3, r'(name="twice".*?)start="3"', r'\1start="3000000"', "segmentation fault in fmi3GetFloat64()"),
+        (2, r'valueReference="2"', 'valueReference="999"', r"fmi2GetReal\(\) for `x` returned `error`"),
+        (3, '="6"', '="999"', r"fmi3GetFloat64\(\) for `h` returned `error`"),
+        (3, r'(name="twice".*?)start="3"', r'\1start="4"', r"fmi3GetFloat64\(\) for `twice` returned `error`"),
+        # How far an FMU reads before it faults is up to the heap.
+        (
+            3,
+            r'(name="twice".*?)start="3"',
+            r'\1start="3000000"',
+            r"(segmentation fault in fmi3GetFloat64\(\)|fmi3GetFloat64\(\) for `twice` returned `error`)",
+        ),
     ],
 )
 def test_a_description_that_lies_about_sizes(told, tmp_path, version, pattern, replacement, words, isolated):
@@ -182,7 +188,7 @@ def test_a_description_that_lies_about_sizes(told, tmp_path, version, pattern, r
         "signals: [", "signals: [plant.twice, " if "twice" in pattern else "signals: ["
     )
     end = told(text.replace("per: robot\n", "\n").replace("[0, 0]", "0").replace(", name: [Ann, Bob]", ""))
-    assert f"block plant (machine{version}.fmu) failed at t = 0 s: {words}" in end.text
+    assert re.search(rf"block plant \(machine{version}.fmu\) failed at t = 0 s: {words}", end.text)
     assert end.status == "failed"
 
 
