@@ -75,11 +75,11 @@ def run(step: float, base: int, control: int) -> int:
     while c[STEP] < c[LAST]:
         k = c[STEP]
         time = time_at(c, control, k, step)
-        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, step)
+        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, time)
         if status > WARNING:
             return status
         probe(c, base, k)
-        status = advance(c, base, k, time, step)
+        status = advance(c, base, k, time, time_at(c, control, k + 1, step), step)
         if status > WARNING:
             return status
         c[STEP] = k + 1
@@ -87,7 +87,7 @@ def run(step: float, base: int, control: int) -> int:
             return NON_FINITE
     if c[FINAL] != 0:
         time = time_at(c, control, c[STEP], step)
-        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], c[STEP], time, step)
+        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], c[STEP], time, time)
         if status > WARNING:
             return status
         probe(c, base, c[STEP])
@@ -102,11 +102,11 @@ def time_at(c: Any, control: int, k: int, step: float) -> float:
 def execute(time: float, base: int, control: int) -> int:
     """Do the operations POINT_BEGIN … POINT_END-1 once, at a time (s); for the initialization. Returns the status."""
     c = words_at(control, CONTROL_WORDS)
-    return operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, 0.0)
+    return operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, time)
 
 
-def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, step: float) -> int:
-    """Do calls and copies in order, as of step k and a time (s)."""
+def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
+    """Do calls and copies in order, as of step k and a time (s); later: the time of rows that are done at its end."""
     operations, functions = c[OPERATIONS], c[FUNCTIONS]
     for o in range(begin, end):
         row = words_at(operations + o * OPERATION_BYTES, OPERATION_WORDS)
@@ -115,7 +115,7 @@ def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, step: 
             continue
         c[AT] = o
         if row[KIND] == CALL:
-            now = time + step if row[AT_END] != 0 else time
+            now = later if row[AT_END] != 0 else time
             status = call(words_at(functions + row[A] * 8, 1)[0], now, base, base + row[B])
             if status != OK:
                 if status > WARNING:
@@ -126,14 +126,14 @@ def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, step: 
     return OK
 
 
-def advance(c: Any, base: int, k: int, time: float, step: float) -> int:
+def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -> int:
     """Do what stands between the communication points k and k+1: integrations, slaves' steps, copies."""
     for o in range(c[BETWEEN_BEGIN], c[BETWEEN_END]):
         row = words_at(c[OPERATIONS] + o * OPERATION_BYTES, OPERATION_WORDS)
         if row[KIND] == INTEGRATE:
             status = integrate(c, base, row[A], k, time, step)
         else:
-            status = operate(c, base, o, o + 1, k, time, step)
+            status = operate(c, base, o, o + 1, k, time, later)
         if status > WARNING:
             return status
     return OK
@@ -150,9 +150,9 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
     for s in range(inner_steps):
         time = begun + s * h
         if s == 0:
-            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, 0.0)
+            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, time)
         else:
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, 0.0)
+            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, time)
         if status > WARNING:
             return status
         if b[METHOD] == RK4:
@@ -192,7 +192,7 @@ def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, t
     move(start, 0.5 * h, d, w)
     for stage in range(1, 4):
         offset = h if stage == 3 else 0.5 * h
-        status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, 0.0)
+        status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, time + offset)
         if status > WARNING:
             return status
         add(total, 1.0 if stage == 3 else 2.0, d)
