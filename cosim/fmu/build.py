@@ -183,9 +183,9 @@ def compiler(platform: Platform) -> list[str]:
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
     message = f"there is no C compiler for {platform.name}"
-    fix = "install ziglang (pip install 'cosim[zig]'), which builds for all platforms"
+    fix = "`pip install ziglang`, which builds for all platforms"
     if platform.name == _host_name():
-        fix = f"install gcc, or {fix.removeprefix('install ')}"
+        fix = f"install gcc, or {fix}"
     raise CompilerMissing(message, fix=fix)
 
 
