@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from blocks.consensus import local_error
+from blocks.consensus import local_errors
 from blocks.stability_conditions import formation_reached, references_apart, topology_slow
 from cosim.block import Block, Input, Local, Output, Parameter, condition, rule
 
@@ -44,7 +44,6 @@ class SlidingModeController(Block):
     e_x = Local("robots", "n", description="local formation tracking errors")
     e_v = Local("robots", "n", description="estimated local velocity tracking errors")
     s_hat = Local("robots", "n", description="estimated sliding variables")
-    a = Local("robots", "n", description="demanded accelerations")
     u = Output("robots", "n", description="control inputs")
 
     positive = rule("c > 0 and lambda_ > 0", "eqs. 27 and 33")(lambda c, lambda_: c > 0.0 and min(lambda_) > 0.0)
@@ -74,23 +73,18 @@ class SlidingModeController(Block):
         e_x,
         e_v,
         s_hat,
-        a,
         u,
     ):
         robots, n = x.shape
+        local_errors(x, x_d, v_hat, xi_2, neighbours, weights, b, e_x, e_v)
         for i in range(robots):
+            for k in range(n):
+                u[i, k] = 0.0
             for q in range(n):
                 delta_x[i, q] = x[i, q] - x_d[i, q]
                 delta_v[i, q] = v_hat[i, q] - xi_2[i, q]
-        local_error(delta_x, neighbours, weights, b, e_x)
-        local_error(delta_v, neighbours, weights, b, e_v)
-        for i in range(robots):
-            for q in range(n):
                 s_hat[i, q] = e_v[i, q] + lambda_[i] * e_x[i, q]
                 known = xi_3[i, q] - w_hat[i, q] - lambda_[i] * delta_v[i, q] - delta_x[i, q]
-                a[i, q] = known - c * s_hat[i, q] + F[i, q]
-            for k in range(n):
-                total = 0.0
-                for q in range(n):
-                    total += g_inverse[i, k, q] * a[i, q]
-                u[i, k] = total
+                a = known - c * s_hat[i, q] + F[i, q]
+                for k in range(n):
+                    u[i, k] += g_inverse[i, k, q] * a

@@ -3,21 +3,9 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blocks.consensus import local_error
+from blocks.consensus import local_errors
 from cosim.block import Input, Local, Measure, Output, Parameter
-
-
-def norm(values: NDArray) -> float:
-    """The Euclidean norm of all elements of a matrix."""
-    square = 0.0
-    for i in range(values.shape[0]):
-        row = 0.0
-        for q in range(values.shape[1]):
-            row += values[i, q] * values[i, q]
-        square += row
-    return math.sqrt(square)
 
 
 class FormationErrors(Measure):
@@ -39,30 +27,32 @@ class FormationErrors(Measure):
     weights = Input("robots", "capacity", unit="1", description="a_ij of each neighbour j")
     lambda_ = Parameter("robots", unit="1/s", default=2.0, description="slope of each robot's sliding variable")
     b = Parameter("robots", unit="1", default=2.0, description="weight of each robot's own reference")
-    errors = Local("robots", "n", description="tracking errors: x - x_d, then v - dx_d")
     local_x = Local("robots", "n", description="local formation tracking errors")
-    local_v = Local("robots", "n", description="local velocity tracking errors, then sliding variables")
+    local_v = Local("robots", "n", description="local velocity tracking errors")
     delta_x = Output(description="norm of the position tracking errors")
     e_x = Output(description="norm of the local formation tracking errors")
     S = Output(description="norm of the sliding variables")
     S_hat = Output(description="norm of the estimated sliding variables")
 
-    def outputs(
-        x, v, x_d, dx_d, s_hat, neighbours, weights, lambda_, b, errors, local_x, local_v, delta_x, e_x, S, S_hat
-    ):
+    def outputs(x, v, x_d, dx_d, s_hat, neighbours, weights, lambda_, b, local_x, local_v, delta_x, e_x, S, S_hat):
         robots, n = x.shape
+        local_errors(x, x_d, v, dx_d, neighbours, weights, b, local_x, local_v)
+        all_delta, all_e, all_s, all_s_hat = 0.0, 0.0, 0.0, 0.0
         for i in range(robots):
+            of_delta, of_e, of_s, of_s_hat = 0.0, 0.0, 0.0, 0.0
             for q in range(n):
-                errors[i, q] = x[i, q] - x_d[i, q]
-        delta_x[0] = norm(errors)
-        local_error(errors, neighbours, weights, b, local_x)
-        e_x[0] = norm(local_x)
-        for i in range(robots):
-            for q in range(n):
-                errors[i, q] = v[i, q] - dx_d[i, q]
-        local_error(errors, neighbours, weights, b, local_v)
-        for i in range(robots):
-            for q in range(n):
-                local_v[i, q] += lambda_[i] * local_x[i, q]
-        S[0] = norm(local_v)
-        S_hat[0] = norm(s_hat)
+                delta = x[i, q] - x_d[i, q]
+                e = local_x[i, q]
+                s = local_v[i, q] + lambda_[i] * e
+                of_delta += delta * delta
+                of_e += e * e
+                of_s += s * s
+                of_s_hat += s_hat[i, q] * s_hat[i, q]
+            all_delta += of_delta
+            all_e += of_e
+            all_s += of_s
+            all_s_hat += of_s_hat
+        delta_x[0] = math.sqrt(all_delta)
+        e_x[0] = math.sqrt(all_e)
+        S[0] = math.sqrt(all_s)
+        S_hat[0] = math.sqrt(all_s_hat)

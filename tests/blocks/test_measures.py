@@ -36,7 +36,7 @@ def test_formation_errors():
     x, v, x_d, dx_d, s_hat = rng.normal(size=(5, 3, 3))
     neighbours, weights = np.array([[1, 2], [2, -1], [0, -1]], np.int32), np.array([[1, 0.2], [1, 0], [1, 0.0]])
     lambda_, b = np.array([2.0, 3.0, 1.0]), np.array([2.0, 0.0, 1.0])
-    work, found = np.zeros((3, 3, 3)), np.zeros((4, 1))
+    work, found = np.zeros((2, 3, 3)), np.zeros((4, 1))
     FormationErrors.outputs(x, v, x_d, dx_d, s_hat, neighbours, weights, lambda_, b, *work, *found)
     pinned = np.array([[1.2 + 2, -1, -0.2], [0, 1, -1], [-1, 0, 1 + 1]])
     e_x = pinned @ (x - x_d)
