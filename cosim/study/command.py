@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,12 @@ def run(path: Path, options: argparse.Namespace) -> Results:
     folder = options.results / path.stem
     with display.Counter() as counter:
         settings = Options(folder, options.threads, options.dask, tuple(options.set), counter.update)
-        results = running.run(description.load(path, options.set), settings)
+        try:
+            results = running.run(description.load(path, options.set), settings)
+        except KeyboardInterrupt:
+            done = f"{counter.done} of {counter.total} members are done"
+            print(f"{done}; the same command goes on from there", file=sys.stderr)
+            raise
     dataset.write(folder / "study.nc", results)
     tables.write(results, tables.tables(results))
     return results

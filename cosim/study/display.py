@@ -37,6 +37,7 @@ class Counter:
         self._file = file or sys.stderr
         self._watched = self._file.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
         self._began = time.perf_counter()
+        self.done = self.total = 0
         self._first: int | None = None
         self._bar: Any = None
 
@@ -45,6 +46,7 @@ class Counter:
 
     def update(self, done: int, total: int) -> None:
         """Show how many members are done. Those that needed no run say nothing about the time left."""
+        self.done, self.total = done, total
         if self._first is None:
             self._first, self._began = done - 1, time.perf_counter()
         passed = time.perf_counter() - self._began

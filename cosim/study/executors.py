@@ -51,7 +51,7 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         from distributed import Client
     except ImportError:
         message = "Dask's distributed scheduler is not installed"
-        raise ClusterError(message, fix='pip install distributed') from None
+        raise ClusterError(message, fix="pip install distributed") from None
     try:
         client = Client(address, timeout=10)
     except (OSError, ValueError) as error:

@@ -167,3 +167,27 @@ def test_sigkill_loses_nothing_that_is_done(tmp_path):
     assert store.read_bytes().startswith(before)
     keys = [json.loads(line)["key"] for line in store.read_text().splitlines() if not line.startswith('{"key": "cut')]
     assert len(keys) == len(set(keys)) == 240
+
+
+def test_ctrl_c_keeps_what_is_done(tmp_path):
+    written(tmp_path, SLOW, "diagram.yaml")
+    path = written(tmp_path, STUDY.replace("count: 4", "count: 400"), "study.yaml")
+    # A shell may have told this process to ignore Ctrl-C, which children inherit.
+    code = f"""if True:
+        import signal
+        from cosim.cli import main
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        raise SystemExit(main(["study", {str(path)!r}, "--results", {str(tmp_path)!r}]))"""
+    store = tmp_path / "study" / "members.jsonl"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, env=environment)
+    deadline = time.monotonic() + 120
+    while (not store.exists() or store.read_bytes().count(b"\n") < 5) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "of 2400 members are done" in error and "Traceback" not in error
+    rows = [json.loads(line) for line in store.read_text().splitlines()]
+    assert 5 <= len(rows) < 2400
+    assert all(row["status"] == "completed" for row in rows)
