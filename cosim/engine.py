@@ -41,11 +41,7 @@ CONTROL_WORDS = 32
     FUNCTIONS,
     GROUPS,
     PROBES,
-    N_OPERATIONS,
-    N_BANKS,
-    N_FUNCTIONS,
     N_GROUPS,
-    N_PROBES,
     STATES,  # size of the state vector
     X,  # the published states
     W,  # the states of the stage that is being evaluated
@@ -64,7 +60,7 @@ CONTROL_WORDS = 32
     WARNINGS,  # how many calls returned a warning
     ORIGIN_STEP,  # the step at which the time is ORIGIN
     ORIGIN,  # a float64 (s)
-) = range(28)
+) = range(24)
 
 _EXPONENT = 0x7FF0000000000000
 

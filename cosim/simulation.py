@@ -176,14 +176,15 @@ class Simulation:
         self._probe_rows = np.array(probes, np.int64).reshape(-1, engine.PROBE_WORDS)
         self._functions = functions
         control = self.control = self._words(engine.CONTROL_WORDS)
-        for at, size, array in (
-            (engine.OPERATIONS, engine.N_OPERATIONS, table.operations),
-            (engine.BANKS, engine.N_BANKS, table.banks),
-            (engine.FUNCTIONS, engine.N_FUNCTIONS, functions),
-            (engine.GROUPS, engine.N_GROUPS, self._groups),
-            (engine.PROBES, engine.N_PROBES, self._probe_rows),
+        for at, array in (
+            (engine.OPERATIONS, table.operations),
+            (engine.BANKS, table.banks),
+            (engine.FUNCTIONS, functions),
+            (engine.GROUPS, self._groups),
+            (engine.PROBES, self._probe_rows),
         ):
-            control[at], control[size] = array.ctypes.data, len(array)
+            control[at] = array.ctypes.data
+        control[engine.N_GROUPS] = len(self._groups)
         control[engine.STATES] = table.states
         for name, offset in table.vectors.items():
             control[getattr(engine, name)] = offset

@@ -105,8 +105,7 @@ def _constant(exported: Model, done: Operations, token: str, size: int, faults: 
     yield f"    .step = {exported.network.diagram.run.step!r},"
     yield f"    .arena_bytes = {-(-size // 8) * 8},"
     yield "    .segments = segments, .n_segments = sizeof segments / sizeof *segments, .words = words,"
-    yield f"    .operations = operations, .banks = banks, .functions = functions, .n_operations = {len(done.rows)},"
-    yield f"    .n_banks = {len(built.banks)}, .n_functions = {len(built.calls)}, .labels = labels, .blocks = blocks,"
+    yield "    .operations = operations, .banks = banks, .functions = functions, .labels = labels, .blocks = blocks,"
     yield f"    .faults = faults, .n_faults = {faults}, .n_states = {built.states},"
     yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.vectors.items())
     yield "    " + " ".join(f".{name} = {{{begin}, {end}}}," for name, (begin, end) in done.ranges.items())

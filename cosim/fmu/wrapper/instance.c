@@ -28,9 +28,6 @@ static void set_control(Instance *i) {
     c[ENGINE_OPERATIONS] = (int64_t)(intptr_t)model.operations;
     c[ENGINE_BANKS] = (int64_t)(intptr_t)model.banks;
     c[ENGINE_FUNCTIONS] = (int64_t)(intptr_t)model.functions;
-    c[ENGINE_N_OPERATIONS] = model.n_operations;
-    c[ENGINE_N_BANKS] = model.n_banks;
-    c[ENGINE_N_FUNCTIONS] = model.n_functions;
     c[ENGINE_STATES] = (int64_t)model.n_states;
     c[ENGINE_X] = (int64_t)model.x;
     c[ENGINE_W] = (int64_t)model.w;

@@ -68,7 +68,6 @@ typedef struct {
     const uint64_t *words;
 
     const int64_t *operations, *banks;
-    int64_t n_operations, n_banks, n_functions;
     const Kernel *functions;
     const char *const *labels; /* of each function: the block and the function's name */
     const char *const *blocks; /* of each function: the block */
