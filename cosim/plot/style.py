@@ -55,7 +55,7 @@ def style() -> Iterator[Any]:
     try:
         import matplotlib
     except ImportError:
-        raise PlotError("matplotlib is not installed", fix='pip install matplotlib pillow') from None
+        raise PlotError("matplotlib is not installed", fix="pip install matplotlib pillow") from None
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
