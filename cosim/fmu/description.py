@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -67,7 +68,7 @@ def scalars(model: Model) -> list[Scalar]:
     return result
 
 
-class _Writer:
+class _Writer(ABC):
     """What both versions share."""
 
     def __init__(self, model: Model) -> None:
@@ -109,9 +110,9 @@ class _Writer:
                 attributes["offset"] = _real(base.offset)
             SubElement(unit, "BaseUnit", attributes)
 
+    @abstractmethod
     def element_units(self, variable: Variable) -> tuple[str | None, ...]:
         """The units that a variable's attributes can name."""
-        raise NotImplementedError
 
     def outputs(self) -> list[Variable]:
         return [v for v in self.model.variables if v.causality == "output"]
