@@ -16,15 +16,15 @@ class SineWavePath(Block):
 
         x_c = [speed t,  amplitude sin(frequency t),  0]
 
-    The derivatives are outputs for those who place robots around the centre; no robot is given them.
+    Its derivatives are locals, of which only locals and measures may know.
     """
 
     speed = Parameter(unit="m/s", default=0.2, description="speed of the centre along the first axis")
     amplitude = Parameter(unit="m", default=1.0, description="amplitude of the centre along the second axis")
     frequency = Parameter(unit="rad/s", default=0.3, description="angular frequency of the centre's sine wave")
     x_c = Output(3, unit=POSITION, description="position of the centre")
-    dx_c = Output(3, unit=VELOCITY, description="first derivative of x_c")
-    ddx_c = Output(3, unit=ACCELERATION, description="second derivative of x_c")
+    dx_c = Local(3, unit=VELOCITY, description="first derivative of x_c")
+    ddx_c = Local(3, unit=ACCELERATION, description="second derivative of x_c")
 
     def outputs(time, speed, amplitude, frequency, x_c, dx_c, ddx_c):
         phase = frequency * time
@@ -64,10 +64,12 @@ class CircularFormationReference(Block):
         place[0] = radius * math.cos(angle)
         place[1] = radius * math.sin(angle)
 
-    def outputs(x_c, dx_c, ddx_c, place, x_d, dx_d, ddx_d):
+    def outputs(x_c, place, x_d):
         x_d[0] = place[0] + x_c[0]
         x_d[1] = place[1] + x_c[1]
         x_d[2] = x_c[2]
+
+    def outputs_derivatives(dx_c, ddx_c, dx_d, ddx_d):
         for q in range(3):
             dx_d[q] = dx_c[q]
             ddx_d[q] = ddx_c[q]

@@ -92,7 +92,7 @@ class Output(Variable):
 
 
 class Local(Variable):
-    """A quantity that recordings and measuring blocks may read, wires may not; also a function's work space."""
+    """A quantity that recordings, measuring blocks and other locals may read, ports may not; also a work space."""
 
     causality = "local"
 
@@ -238,6 +238,16 @@ class Declaration:
     def startable(self) -> list[Variable]:
         """What a diagram may give a start value: states, inputs, and outputs of a foreign block that have one."""
         return [v for v in self.of(State, Input, Output, Local) if isinstance(v, (State, Input)) or v.start is not None]
+
+    def feeds_locals_only(self, name: str) -> bool:
+        """Whether nothing but locals comes of an input: what it brings then reaches no port and no state."""
+        reached = {name}
+        for function in self.functions:
+            if reached & set(function.reads):
+                if not all(isinstance(self.variables.get(w), Local) for w in function.writes):
+                    return False
+                reached |= function.writes
+        return True
 
     def continuous(self) -> list[State]:
         """The states that `derivatives` drives."""

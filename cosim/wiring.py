@@ -185,7 +185,7 @@ class _Wiring:
         for name, node in slave.entry.inputs.items():
             if name in inputs:
                 sources = node.value if isinstance(node.value, list) else [node]
-                found = [self.problems.attempt(self._source, slave, source) for source in sources]
+                found = [self.problems.attempt(self._source, slave, name, source) for source in sources]
                 slave.wires[name] = tuple(s for s in found if s)
             else:
                 message = f"block {slave.name}: {slave.declaration.name} has no input `{name}`"
@@ -196,7 +196,8 @@ class _Wiring:
                 fix = f"add `{name}: block.port` under blocks.{slave.name}.inputs"
                 self.problems.add(UnconnectedInput(message, slave.entry.position, fix))
 
-    def _source(self, slave: Slave, node: Node) -> Signal:
+    def _source(self, slave: Slave, taker: str, node: Node) -> Signal:
+        """What an input is wired to. Raises: UnknownBlock, UnknownPort, NotWirable."""
         name, port = endpoint(str(node.value))
         port, members = _members(port)
         if name in self._unknown:
@@ -207,14 +208,15 @@ class _Wiring:
         source = self.slaves[name].declaration
         outputs = {v.name for v in source.variables.values() if v.causality == "output"}
         locals_ = {v.name for v in source.of(Local, State)} - outputs
-        if port in locals_ and not slave.declaration.measuring:
+        may_tap = slave.declaration.measuring or slave.declaration.feeds_locals_only(taker)
+        if port in locals_ and not may_tap:
             message = f"block {slave.name}: `{node.value}` is a local variable of {source.name}, not a port"
-            fix = "only recordings and measuring blocks may read locals" + _or_ports(name, outputs)
+            fix = "only recordings, measuring blocks and locals may read locals" + _or_ports(name, outputs)
             raise NotWirable(message, node.position, fix)
         if port not in outputs | locals_:
             message = f"block {slave.name}: {source.name} ({name}) has no output `{port}`"
             raise UnknownPort(message, node.position, nearest(port, outputs))
-        if source.measuring and not slave.declaration.measuring:
+        if source.measuring and not may_tap:
             message = f"block {slave.name}: `{node.value}` comes from a measuring block"
             raise NotWirable(message, node.position, "only recordings and measuring blocks may read a measure")
         return Signal(name, port, members)

@@ -1,6 +1,6 @@
 import pytest
 
-from cosim import Block, CalculatedParameter, Input, Measure, Output, Parameter, State, condition, rule
+from cosim import Block, CalculatedParameter, Input, Local, Measure, Output, Parameter, State, condition, rule
 from cosim.errors import DeclarationError
 from tests.signal_blocks import Counter, Lag
 
@@ -42,6 +42,32 @@ def test_a_later_function_reads_what_an_earlier_one_writes():
             b[0] = a
 
     assert [f.reads for f in Chain.declaration.functions] == [("u",), ("a",)]
+
+
+def test_what_only_locals_come_of_may_be_a_local():
+    class Knowing(Block):
+        truth = Input()
+        measured = Input()
+        inner = Local()
+        error = Local()
+        y = Output()
+
+        def outputs_inner(truth, inner):
+            inner[0] = truth
+
+        def outputs_error(inner, measured, error):
+            error[0] = inner - measured
+
+        def outputs(measured, y):
+            y[0] = measured
+
+    class Leaking(Knowing):
+        def outputs(error, y):
+            y[0] = error
+
+    assert Knowing.declaration.feeds_locals_only("truth")
+    assert not Knowing.declaration.feeds_locals_only("measured")
+    assert not Leaking.declaration.feeds_locals_only("truth")
 
 
 def test_a_subclass_inherits_and_overrides():

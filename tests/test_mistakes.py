@@ -155,6 +155,24 @@ def test_a_parameter_that_breaks_a_blocks_rule_is_refused(formation, capsys, set
     assert f"--set blocks.{setting}" in text
 
 
+SECRETS = {
+    "observer.inputs.x": "plant.v",
+    "controller.inputs.v_hat": "plant.v",
+    "controller.inputs.xi_2": "reference.dx_d",
+    "controller.inputs.xi_3": "centre.ddx_c",
+    "differentiator.inputs.x_d": "reference.dx_d",
+    "controller.inputs.w_hat": "estimation.N_w",
+}
+
+
+@pytest.mark.parametrize("port", SECRETS)
+def test_limited_information_is_a_property_of_the_wiring(formation, capsys, port):
+    """No wire brings an observer, a differentiator or a controller what its robot does not know."""
+    code, text = check(formation, capsys, "--set", f"blocks.{port}={SECRETS[port]}")
+    assert code == 2 and f"block {port.partition('.')[0]}: `{SECRETS[port]}`" in text
+    assert "local variable" in text or "measuring block" in text
+
+
 def test_a_condition_of_a_theorem_is_a_warning(formation, capsys):
     code, text = check(formation, capsys, "--set", "blocks.controller.parameters.lambda_=0.1")
     assert code == 0 and re.search(

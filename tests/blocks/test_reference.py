@@ -10,7 +10,8 @@ def reference(time: float, angle: float) -> tuple[np.ndarray, np.ndarray, np.nda
     place, centre, robot = np.zeros(2), np.zeros((3, 3)), np.zeros((3, 3))
     SineWavePath.outputs(time, 0.2, 1.0, 0.3, *centre)
     CircularFormationReference.calculate(angle, 1.8, place)
-    CircularFormationReference.outputs(*centre, place, *robot)
+    CircularFormationReference.outputs(centre[0], place, robot[0])
+    CircularFormationReference.outputs_derivatives(*centre[1:], *robot[1:])
     return robot[0], robot[1], robot[2]
 
 
