@@ -47,6 +47,16 @@ def assert_same(got: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> 
         assert got[signal].tobytes() == expected[signal].tobytes(), signal
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_the_finite_time_observer_alone_and_with_other_blocks_of_states(recorded, folder, version):
+    """As Co-Simulation: all their outputs are states."""
+    swaps = []
+    for block in ("observer", "plant", "differentiator"):
+        path = export(folder / "oft_observer.yaml", [block], folder / f"{block}_{version[0]}.fmu", version)
+        swaps.append(f"{block}={path}")
+        assert_same(recorded("oft_observer.yaml", tuple(swaps)), recorded("oft_observer.yaml"))
+
+
 def test_the_whole_control_stack_as_one_fmu(recorded, folder):
     export(folder / "formation.yaml", STACK, folder / "fmus" / "stack.fmu", "3.0")
     for mode in ("co-simulation", "model-exchange"):
