@@ -21,13 +21,14 @@ class Source:
     """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what it depends on.
 
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
-    what is written to one of them changes no other.
+    what is written to one of them changes no other. place: file:line of the author's function.
     """
 
     symbol: str
     build: Callable[[], Callable[..., int]]
     fingerprint: str
     disjoint: bool = False
+    place: str = ""
 
 
 def is_scalar(variable: Variable, function: Function, argument: str) -> bool:
@@ -61,7 +62,9 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
         return scope["adapter"]
 
     # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
-    return Source(function.name, build, digest + text, disjoint=True)
+    code = function.python.__code__
+    place = f"{code.co_filename}:{code.co_firstlineno}"
+    return Source(function.name, build, digest + text, disjoint=True, place=place)
 
 
 def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:

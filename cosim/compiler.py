@@ -64,7 +64,7 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
                     library=library,
                 )
             except Exception as error:
-                raise _explain(error, f"{name}: {source.symbol}()") from error
+                raise _explain(error, f"{name}: {source.symbol}()", source.place) from error
             library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
         library.finalize()
         return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
@@ -131,12 +131,13 @@ def _refuse_foreign(module: Any, name: str) -> None:
         )
 
 
-def _explain(error: Exception, name: str) -> KernelError:
-    """The compiler's message, cut to what an author can use."""
+def _explain(error: Exception, name: str, place: str) -> KernelError:
+    """The compiler's message, cut to what an author can use, with the line it names or the function's own."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    place = next((line for line in lines if line.startswith("File ")), "")
+    found = [re.sub(r'^File "(.*)", line (\d+).*', r"\1:\2", line) for line in lines if line.startswith("File ")]
+    named = [line for line in found if not line.startswith("<adapter")]
     text = next((line for line in lines if not line.startswith(("Failed in", "During:"))), type(error).__name__)
     return KernelError(
-        f"{name} cannot be compiled: {text} {place}".rstrip(),
+        f"{name} cannot be compiled: {text} ({named[-1] if named else place})",
         fix="write results in place with loops and `math`, or declare the class with `compiled=False`",
     )

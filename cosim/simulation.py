@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cosim import engine, hosts, kernels, memory, supervision
-from cosim.errors import BlockFailed, CosimError, Diverged
+from cosim.errors import BlockFailed, CosimError, Diverged, KernelError
 from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
 
@@ -87,9 +87,17 @@ def compile_table(table: Table) -> Kernels:
             continue
         key = (id(slave.declaration), *slave.constants().items())
         if key not in made:
-            made[key] = kernels.block_module(slave.declaration, slave.constants())
+            made[key] = _module(slave)
         result.modules[name] = made[key]
     return result
+
+
+def _module(slave: Slave) -> kernels.Module:
+    """The kernels of a slave's type. Raises: KernelError, at the slave's place in the diagram."""
+    try:
+        return kernels.block_module(slave.declaration, slave.constants())
+    except KernelError as error:
+        raise KernelError(f"block {slave.name}: {error.message}", slave.entry.type.position, error.fix) from error
 
 
 class Simulation:

@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
 def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
     terminal.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
-    compiled = f", {outcome.kernels_compiled} kernels compiled" if outcome.kernels_compiled else ""
+    compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     print(f"\n{outcome.status} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
     print(f"recorded in {outcome.results}")
     sys.stdout.flush()
