@@ -45,8 +45,7 @@ def variable_of(declaration: Declaration, argument: str) -> Variable:
 
 def run_time_dimensions(declaration: Declaration, constants: dict[str, int]) -> list[str]:
     """The named dimensions that kernels of this type read from the frame, in order."""
-    names = dict.fromkeys(d for v in declaration.variables.values() for d in v.shape if isinstance(d, str))
-    return [name for name in names if name not in constants]
+    return [name for name in declaration.dimension_names() if name not in constants]
 
 
 def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> Source:

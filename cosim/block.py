@@ -223,6 +223,10 @@ class Declaration:
         """The variables of the given classes, in the order of their declaration."""
         return (v for v in self.variables.values() if isinstance(v, classes))
 
+    def dimension_names(self) -> list[str]:
+        """The named dimensions of all variables, in the order in which they are first used."""
+        return list(dict.fromkeys(d for v in self.variables.values() for d in v.shape if isinstance(d, str)))
+
     def kind(self, kind: str) -> tuple[Function, ...]:
         """The functions of one kind, in the order of their definition."""
         return tuple(f for f in self.functions if f.kind == kind)

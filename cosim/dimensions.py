@@ -140,8 +140,7 @@ class _Dimensions:
 def report_unsolved(slaves: dict[str, Slave], problems: Problems) -> None:
     """An UnsolvedDimension for every named dimension that nothing determines."""
     for slave in slaves.values():
-        names = {d for v in slave.declaration.variables.values() for d in v.shape if isinstance(d, str)}
-        for name in sorted(names - set(slave.axes)):
+        for name in sorted(set(slave.declaration.dimension_names()) - set(slave.axes)):
             message = f"block {slave.name}: nothing determines the dimension `{name}` of {slave.declaration.name}"
             fix = f"add `{name}: <size>` under blocks.{slave.name}.dimensions"
             problems.add(UnsolvedDimension(message, slave.entry.position, fix))

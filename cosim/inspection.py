@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable
 
 from cosim import library, order, rules
-from cosim.block import Block, Declaration, Dimension, Parameter, State, Variable
+from cosim.block import Block, Declaration, Parameter, State, Variable
 from cosim.entry import BlockEntry
 from cosim.errors import CosimError, Position
 from cosim.network import Finding, Network, Slave
@@ -67,7 +66,7 @@ def print_blocks(name: str | None) -> None:
             print()
     if declaration.dimensions:
         print("dimensions:")
-        _rows([[n, f"default {d.default}", d.description] for n, d in _dimensions(declaration)], indent="  ")
+        _rows([[n, f"default {d.default}", d.description] for n, d in declaration.dimensions.items()], indent="  ")
         print()
     for rule in declaration.rules:
         print(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
@@ -76,10 +75,6 @@ def print_blocks(name: str | None) -> None:
 def _block(name: str) -> type[Block]:
     place = Position(name)
     return library.find(BlockEntry(name, "python" if ".py:" in name else "block", Node(name, place), place))
-
-
-def _dimensions(declaration: Declaration) -> Iterable[tuple[str, Dimension]]:
-    return declaration.dimensions.items()
 
 
 def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:

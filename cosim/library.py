@@ -49,11 +49,10 @@ def find(entry: BlockEntry) -> type[Block]:
     block = _found(entry)
     declaration = block.declaration
     names = {kind: {v.name for v in declaration.of(kind)} for kind in (Parameter, Input)}
-    sizes = {size for variable in declaration.variables.values() for size in variable.shape}
     entry.forget_inherited("parameters", names[Parameter])
     entry.forget_inherited("start", {v.name for v in declaration.startable()})
     entry.forget_inherited("inputs", names[Input])
-    entry.forget_inherited("dimensions", {*map(str, sizes), *declaration.dimensions})
+    entry.forget_inherited("dimensions", {*declaration.dimension_names(), *declaration.dimensions})
     return block
 
 

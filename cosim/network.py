@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -92,6 +93,10 @@ class Slave:
     def shape(self, variable: Variable) -> tuple[int, ...]:
         """The shape of a variable in one instance."""
         return tuple(d if isinstance(d, int) else self.axes[d].size for d in variable.shape)
+
+    def nbytes(self, variable: Variable) -> int:
+        """The size of a variable in one instance."""
+        return math.prod(self.shape(variable)) * variable.dtype.itemsize
 
     def signal_axes(self, variable: Variable) -> tuple[Axis, ...] | None:
         """The axes of a variable over all instances; None while a dimension is not solved."""

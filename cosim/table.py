@@ -139,21 +139,20 @@ class _Builder:
         return offset
 
     def _store(self, slave: Slave, variable: Variable, instances: int) -> Place:
-        shape = slave.shape(variable)
-        size = int(np.prod(shape)) * variable.dtype.itemsize
-        return Place(self._allocate(size * instances), size if instances > 1 else 0, shape, variable.dtype)
+        size = slave.nbytes(variable)
+        stride = size if instances > 1 else 0
+        return Place(self._allocate(size * instances), stride, slave.shape(variable), variable.dtype)
 
     def _lay_out(self) -> None:
         """A place for every variable: states in the state vector, the others where they come."""
         continuous = [(s, v) for s in self.network.slaves.values() for v in s.declaration.continuous()]
-        self.states = sum(s.count * int(np.prod(s.shape(v))) for s, v in continuous)
+        self.states = sum(s.count * s.nbytes(v) for s, v in continuous) // 8
         for name in ("X", "W", "START", "SUM", "D"):
             self.vectors[name] = self._allocate(8 * self.states)
         at = self.vectors["X"]
         for slave, state in continuous:
-            shape = slave.shape(state)
-            size = 8 * int(np.prod(shape))
-            self._place(slave, state, Place(at, size if slave.count > 1 else 0, shape, state.dtype))
+            size = slave.nbytes(state)
+            self._place(slave, state, Place(at, size if slave.count > 1 else 0, slave.shape(state), state.dtype))
             at += size * slave.count
         for slave in self.network.slaves.values():
             needed = {name for f in order.needed_outputs(slave) for name in f.writes}
@@ -186,7 +185,6 @@ class _Builder:
         """The place of a wired input: its source's own memory, or new memory where several sources are joined."""
         variable = slave.declaration.variables[port]
         shape = slave.shape(variable)
-        size = int(np.prod(shape)) * variable.dtype.itemsize
         if order.is_joined(slave, port):
             place = self._store(slave, variable, slave.count)
             self._allocate(8)  # copies are of whole words, and the last one may end in the middle of one
@@ -195,7 +193,7 @@ class _Builder:
             there = self.places[source.whole]
             mapped = slave.fleet is not None and len(self.network.shape(source)) == len(shape) + 1
             offset = there.offset + source.first * self._member_bytes(source)
-            place = Place(offset, size if mapped else 0, shape, variable.dtype)
+            place = Place(offset, slave.nbytes(variable) if mapped else 0, shape, variable.dtype)
         self.places[Signal(slave.name, port)] = place
 
     def _member_bytes(self, signal: Signal) -> int:
@@ -357,7 +355,7 @@ class _Builder:
         """The states of one slave, and the operations that give their derivatives."""
         states = slave.declaration.continuous()
         at = (self.places[Signal(slave.name, states[0].name)].offset - self.vectors["X"]) // 8
-        size = sum(slave.count * int(np.prod(slave.shape(s))) for s in states)
+        size = sum(slave.count * slave.nbytes(s) for s in states) // 8
         begin = len(self.operations)
         self._derivatives(slave)
         first = self._range(begin)

@@ -141,7 +141,7 @@ class _Wiring:
             raise WrongValue(message, period.position, f"choose a multiple of run.step = {self.diagram.run.step} s")
 
     def _given_dimensions(self, slave: Slave) -> None:
-        known = {d for v in slave.declaration.variables.values() for d in v.shape if isinstance(d, str)}
+        known = slave.declaration.dimension_names()
         for name, node in slave.entry.dimensions.items():
             if name in known:
                 slave.axes[name] = Axis(int(node.value))

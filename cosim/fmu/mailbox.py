@@ -13,7 +13,6 @@ import ctypes
 import os
 import platform
 import sys
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -136,9 +135,6 @@ def wake(c: Any, at: int) -> int:
     if c[WAKE_ARGUMENT] != 0:
         return invoke(c[SLEEP], (c[WAKE_ARGUMENT], at, _FUTEX_WAKE, 1, 0, 0, 0))
     return OK
-
-
-KERNELS: tuple[Callable[[float, int, int], int], ...] = (remote, serve)
 
 
 def new() -> np.ndarray:
