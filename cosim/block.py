@@ -140,17 +140,32 @@ class Dimension:
     description: str = ""
 
 
+Verdict = bool | None | tuple[bool | None, str]
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a variable of one member did along a run: its extremes over all steps and elements, and when (s)."""
+
+    smallest: float
+    smallest_at: float
+    largest: float
+    largest_at: float
+
+
 @dataclass
 class Rule:
     """A condition on a block's parameters: violated, it is an error, or a warning where `warning` is set.
 
     The function may name parameters, dimensions and inputs (which come as the `Source` at the other end of the
-    wire), and returns whether the rule holds, or that and a text with its numbers.
+    wire), and returns whether the rule holds, or that and a text with its numbers. A condition may also name `stop`,
+    the run's end (s), and what its block computes, which comes as a `Course`: then it is judged after a run. It may
+    return None for "holds": nobody can say.
     """
 
     text: str
     source: str
-    function: Callable[..., bool | tuple[bool, str]]
+    function: Callable[..., Verdict]
     warning: bool = False
 
     @cached_property
@@ -165,7 +180,10 @@ def rule(text: str, source: str = "") -> Callable[[Callable[..., Any]], Rule]:
 
 
 def condition(text: str, source: str = "") -> Callable[[Callable[..., Any]], Rule]:
-    """Decorate a function as a condition of a theorem: `cosim check` shows its numbers and warns where it fails."""
+    """Decorate a function as a condition of a theorem: `cosim check` shows its numbers and warns where it fails.
+
+    One that names outputs, locals or states of its block is judged along a run: `cosim run` warns where it failed.
+    """
     return lambda function: Rule(text, source, function, warning=True)
 
 
@@ -243,6 +261,11 @@ class Declaration:
         """What a diagram may give a start value: states, inputs, and outputs of a foreign block that have one."""
         return [v for v in self.of(State, Input, Output, Local) if isinstance(v, (State, Input)) or v.start is not None]
 
+    def along(self, rule: Rule) -> list[str]:
+        """What a rule names of that which the block computes: if anything, it is judged after a run."""
+        computed = {v.name for v in self.of(Output, Local, State)}
+        return [name for name in rule.arguments if name in computed]
+
     def feeds_locals_only(self, name: str) -> bool:
         """Whether nothing but locals comes of an input: what it brings then reaches no port and no state."""
         reached = {name}
@@ -288,7 +311,22 @@ def _declare(cls: Any, compiled: bool) -> Declaration:
         setattr(cls, name, staticmethod(python))
     declaration.functions = tuple(functions)
     _check_complete(declaration)
+    for rule in declaration.rules:
+        _check_rule(declaration, rule)
     return declaration
+
+
+def _check_rule(declaration: Declaration, rule: Rule) -> None:
+    """A rule names what is known when it is judged. Raises: DeclarationError."""
+    known = {v.name for v in declaration.of(Parameter, Input)} | {*declaration.dimension_names()}
+    if rule.warning:
+        known |= {v.name for v in declaration.of(Output, Local, State)} | {"stop"}
+    for argument in rule.arguments:
+        if argument not in known:
+            message = f"block {declaration.name}: the rule `{rule.text}` names `{argument}`"
+            what = "what the block computes can be named by a `condition` only" if not rule.warning else ""
+            computed = argument in declaration.variables
+            raise DeclarationError(message, fix=what if computed and what else nearest(argument, known))
 
 
 def _function(declaration: Declaration, name: str, kind: str, python: Any, written: set[str]) -> Function:

@@ -8,10 +8,12 @@ import sys
 from cosim import library, order, rules
 from cosim.block import Block, Declaration, Parameter, State, Variable
 from cosim.entry import BlockEntry
-from cosim.errors import CosimError, Position
-from cosim.network import Finding, Network, Slave
+from cosim.errors import Position
+from cosim.network import Network, Slave
 from cosim.source import Node
 from cosim.terminal import print_warnings
+
+VERDICTS = {True: "holds", False: "FAILS", None: "open "}
 
 
 def print_network(network: Network) -> None:
@@ -24,18 +26,15 @@ def print_network(network: Network) -> None:
     shown = [f"{t.slave}.{t.function}" for t in tasks if t.function]
     print(f"\nevaluated in this order: {', '.join(shown)}")
     findings = [*network.findings, *rules.conditions(network)]
-    if findings:
+    along = rules.along(network)
+    if findings or along:
         print("\nconditions:")
-        for finding in findings:
-            print(f"  {'holds ' if finding.holds else 'FAILS '} {finding.summary}")
-    broken = [f for f in findings if not f.holds]
+    for finding in findings:
+        print(f"  {VERDICTS[finding.holds]}  {finding.summary}")
+    for slave, rule, _ in along:
+        print(f"  run    {slave.name}: {rule.source or 'condition'}, {rule.text}: `cosim run` judges it")
     sys.stdout.flush()
-    print_warnings(warning_of(network, finding) for finding in broken)
-
-
-def warning_of(network: Network, finding: Finding) -> CosimError:
-    """A condition that fails, as a warning at its block's place."""
-    return CosimError(finding.summary, network.slaves[finding.slave].entry.position)
+    print_warnings(rules.as_warning(network, finding) for finding in findings if finding.holds is False)
 
 
 def _slave_row(network: Network, slave: Slave) -> list[str]:

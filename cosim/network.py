@@ -58,12 +58,15 @@ class Signal:
 
 @dataclass
 class Finding:
-    """Something worth knowing of a valid diagram: a theorem's condition, a delay that a swap brings."""
+    """Something worth knowing of a valid diagram: a theorem's condition, a delay that a swap brings.
+
+    holds: None where nobody can say.
+    """
 
     slave: str
     text: str
     source: str
-    holds: bool
+    holds: bool | None
     numbers: str
 
     @property

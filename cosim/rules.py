@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from cosim.block import Input, Parameter, Rule
-from cosim.errors import Problems, RuleViolation
-from cosim.network import Finding, Network, Slave
+from cosim.block import Course, Input, Parameter, Rule
+from cosim.errors import CosimError, Problems, RuleViolation
+from cosim.network import Finding, Network, Signal, Slave
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a block's rule sees of the block at the other end of a wire."""
+    """What a block's rule sees of the block at the other end of a wire, and through `inputs` of those before it."""
 
     block: str
     parameters: dict[str, np.ndarray]
+    inputs: Mapping[str, Source] = field(default_factory=dict)
 
 
 def check(slaves: dict[str, Slave], names: Iterable[str], problems: Problems) -> None:
@@ -29,45 +30,115 @@ def check(slaves: dict[str, Slave], names: Iterable[str], problems: Problems) ->
             if rule.warning:
                 continue
             for member in range(slave.count):
-                holds, numbers = _judge(slaves, slave, rule, member)
+                holds, numbers = _judge(slaves, slave, rule, member, {})
                 if not holds:
                     problems.add(_violation(slave, rule, numbers))
                     break
 
 
 def conditions(network: Network) -> list[Finding]:
-    """Every theorem's condition with its numbers, once for members that share them."""
-    findings: dict[tuple[str, str, str], Finding] = {}
-    for slave in network.slaves.values():
-        for rule in slave.declaration.rules:
-            for member in range(slave.count if rule.warning else 0):
-                holds, numbers = _judge(network.slaves, slave, rule, member)
-                finding = Finding(slave.name, rule.text, rule.source, holds, numbers)
-                findings.setdefault((slave.name, rule.text, numbers), finding)
-    return list(findings.values())
+    """Every theorem's condition that can be judged before a run, with its numbers."""
+    return [
+        finding
+        for slave in network.slaves.values()
+        for rule in slave.declaration.rules
+        if rule.warning and not slave.declaration.along(rule)
+        for finding in _findings(network, slave, rule, {})
+    ]
 
 
-def _judge(slaves: dict[str, Slave], slave: Slave, rule: Rule, member: int) -> tuple[bool, str]:
-    arguments = [_argument(slaves, slave, name, member) for name in rule.arguments]
+def along(network: Network) -> list[tuple[Slave, Rule, tuple[Signal, ...]]]:
+    """The conditions that are judged after a run, with the signals whose courses they need."""
+    return [
+        (slave, rule, tuple(Signal(slave.name, name) for name in slave.declaration.along(rule)))
+        for slave in network.slaves.values()
+        for rule in slave.declaration.rules
+        if rule.warning and slave.declaration.along(rule)
+    ]
+
+
+def judge_run(network: Network, courses: Mapping[Signal, list[Course]]) -> list[Finding]:
+    """The conditions that name what their block computes, judged on its members' courses along a run.
+
+    A function that raises leaves the others, and the run's figures, as they are.
+    """
+    findings: list[Finding] = []
+    for slave, rule, signals in along(network):
+        try:
+            findings += _findings(network, slave, rule, {s.variable: courses[s] for s in signals})
+        except Exception as error:
+            text = f"cannot be judged: {type(error).__name__}: {error}"
+            findings.append(Finding(slave.name, rule.text, rule.source, False, text))
+    return findings
+
+
+def as_warning(network: Network, finding: Finding) -> CosimError:
+    """A condition that fails, as a warning at its block's place."""
+    return CosimError(finding.summary, network.slaves[finding.slave].entry.position)
+
+
+def _findings(network: Network, slave: Slave, rule: Rule, courses: Mapping[str, list[Course]]) -> Iterator[Finding]:
+    """One finding for each verdict that members share, with the numbers of the first of them."""
+    verdicts: dict[bool | None, list[tuple[int, str]]] = {}
+    for member in range(slave.count):
+        known: dict[str, Any] = {name: course[member] for name, course in courses.items()}
+        if "stop" not in slave.declaration.variables:
+            known["stop"] = network.diagram.run.stop
+        holds, numbers = _judge(network.slaves, slave, rule, member, known)
+        verdicts.setdefault(holds, []).append((member, numbers))
+    for holds, members in verdicts.items():
+        member, numbers = members[0]
+        if len({text for _, text in members}) > 1 or len(verdicts) > 1:
+            more = f" and {len(members) - 1} more" if len(members) > 1 else ""
+            numbers = f"{slave.fleet} {member + 1}{more}: {numbers}"
+        yield Finding(slave.name, rule.text, rule.source, holds, numbers)
+
+
+def _judge(
+    slaves: dict[str, Slave], slave: Slave, rule: Rule, member: int, known: Mapping[str, Any]
+) -> tuple[bool | None, str]:
+    arguments = [_argument(slaves, slave, name, member, known) for name in rule.arguments]
     result = rule.function(*arguments)
-    return result if isinstance(result, tuple) else (bool(result), "")
+    holds, numbers = result if isinstance(result, tuple) else (result, "")
+    return None if holds is None else bool(holds), numbers
 
 
-def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int) -> Any:
+def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> Any:
+    """What a rule's function names. known: what is no value of the diagram, the run's end and its courses."""
     if name in slave.axes:
         return slave.axes[name].size
-    variable = slave.declaration.variables[name]
-    if isinstance(variable, Input):
+    if name in known:
+        return known[name]
+    if isinstance(slave.declaration.variables[name], Input):
         sources = slave.wires.get(name)
-        if not sources:
-            return None
-        other = slaves[sources[0].slave]
-        parameters = {v.name: other.values[v.name] for v in other.declaration.of(Parameter)}
-        unmapped = {k: v if other.fleet else v[0] for k, v in parameters.items()}
-        return Source(other.declaration.name, unmapped)
+        return _source(slaves, sources[0]) if sources else None
     value = slave.values[name]
     own = value[member if len(value) > 1 else 0]
     return own.item() if own.shape == () else own
+
+
+def _source(slaves: dict[str, Slave], signal: Signal) -> Source:
+    slave = slaves[signal.slave]
+    parameters = {v.name: slave.values[v.name] for v in slave.declaration.of(Parameter)}
+    unmapped = {k: v if slave.fleet else v[0] for k, v in parameters.items()}
+    return Source(slave.declaration.name, unmapped, _Sources(slaves, slave))
+
+
+class _Sources(Mapping[str, Source]):
+    """The blocks before a block, found when they are asked for, as wires may run in rings."""
+
+    def __init__(self, slaves: dict[str, Slave], slave: Slave) -> None:
+        self._slaves = slaves
+        self._wires = {name: sources[0] for name, sources in slave.wires.items() if sources}
+
+    def __getitem__(self, name: str) -> Source:
+        return _source(self._slaves, self._wires[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._wires)
+
+    def __len__(self) -> int:
+        return len(self._wires)
 
 
 def _violation(slave: Slave, rule: Rule, numbers: str) -> RuleViolation:

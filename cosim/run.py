@@ -7,7 +7,7 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,11 @@ from cosim import diagram as diagrams
 from cosim import interruption, results, rules, simulation, table, wiring
 from cosim import metrics as reductions
 from cosim.block import Local, Output
+from cosim.courses import Courses
 from cosim.diagram import Diagram
 from cosim.errors import CosimError, Diverged, MetricError, Problems
 from cosim.metrics import Final, Reduction
-from cosim.network import Network, Signal
+from cosim.network import Finding, Network, Signal
 from cosim.simulation import Kernels, Probes, Samples, Simulation
 from cosim.table import Table
 
@@ -52,7 +53,8 @@ class Outcome:
     results: str | None
     error: CosimError | None = None
     events: list[Event] = field(default_factory=list)
-    warnings: list[CosimError] = field(default_factory=list)  # what an FMU makes different from the diagram as written
+    warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
+    conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
 
@@ -64,6 +66,8 @@ class Outcome:
             content["error"] = str(self.error)
         if self.warnings:
             content["warnings"] = [str(warning) for warning in self.warnings]
+        if self.conditions:
+            content["conditions"] = [asdict(finding) for finding in self.conditions]
         return json.dumps(reductions.for_json(content), ensure_ascii=False)
 
 
@@ -95,6 +99,7 @@ class Run:
         settings = network.diagram.run
         self.metrics = _metrics(network)
         self._events = _events(network)
+        self._courses = _courses(network)
         built, kernels = prepared or (table.build(network, settings.method), None)
         compiling = clock.perf_counter()
         if engine == "native" and kernels is None:
@@ -107,6 +112,7 @@ class Run:
     def _probes(self) -> list[Probes]:
         """What is reduced is seen at every step, what is recorded at the recording's period."""
         stepwise = [s for s, r in (*self.metrics.values(), *self._events.values()) if not isinstance(r, Final)]
+        stepwise += self._courses
         record = self.network.diagram.record
         recorded = [self.network.find(str(n.value), n.position) for n in record.signals] if record else []
         every = round(record.period / self.simulation_step) if record else 1
@@ -172,6 +178,8 @@ class Run:
         for signal, reduction in (*self.metrics.values(), *self._events.values()):
             if not isinstance(reduction, Final):
                 reduction.update(times, samples.values[signal])
+        for signal, courses in self._courses.items():
+            courses.update(times, samples.values[signal])
 
     def _append(self, writer: results.ResultWriter, samples: Samples) -> None:
         values = {str(signal): array for signal, array in samples.values.items()}
@@ -191,8 +199,18 @@ class Run:
         recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]
         return results.ResultWriter(self.output, recorded, attributes)
 
+    def _conditions(self) -> list[Finding]:
+        """The conditions along the run so far; none if it has seen nothing."""
+        if not all(courses.seen for courses in self._courses.values()):
+            return []
+        return rules.judge_run(
+            self.network, {signal: courses.of_members() for signal, courses in self._courses.items()}
+        )
+
     def _outcome(self, status: str, error: CosimError | None) -> Outcome:
         diagram = self.network.diagram
+        conditions = self._conditions()
+        failed = [rules.as_warning(self.network, finding) for finding in conditions if finding.holds is False]
         events = [
             Event(signal, _event_text(self.network, signal), times)
             for signal, reduction in self._events.values()
@@ -210,17 +228,24 @@ class Run:
             results=str(self.output) if self.output else None,
             error=error,
             events=events,
-            warnings=_warnings(self.network),
+            warnings=_warnings(self.network) + failed,
+            conditions=conditions,
             units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
             windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},
         )
 
 
+def _courses(network: Network) -> dict[Signal, Courses]:
+    """What the conditions that are judged after the run have to know of it."""
+    signals = {signal for _, _, signals in rules.along(network) for signal in signals}
+    return {signal: Courses(network.slaves[signal.slave].count) for signal in signals}
+
+
 def _warnings(network: Network) -> list[CosimError]:
     """The conditions of foreign blocks that do not hold, such as outputs without a step of delay."""
-    foreign = {name: slave.entry.position for name, slave in network.slaves.items() if slave.declaration.foreign}
-    broken = [f for f in rules.conditions(network) if f.slave in foreign and not f.holds] if foreign else []
-    return [CosimError(f.summary, foreign[f.slave]) for f in broken]
+    foreign = {name for name, slave in network.slaves.items() if slave.declaration.foreign}
+    broken = [f for f in rules.conditions(network) if f.slave in foreign and f.holds is False] if foreign else []
+    return [rules.as_warning(network, finding) for finding in broken]
 
 
 def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:
