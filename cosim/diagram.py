@@ -53,7 +53,7 @@ class RunSettings:
 
 @dataclass
 class Record:
-    """Which signals (`block.port`) are recorded, and how often (s)."""
+    """Which signals (`block.port`) are recorded, and how often (s); position: where that is said."""
 
     period: float
     signals: list[Node]
@@ -195,17 +195,18 @@ def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reade
 
 def _record(node: Node, network: Network, run: RunSettings, reader: Reader) -> Record:
     """What is recorded; each step, if no period is given."""
-    period = run.step
+    period, place = run.step, node.place
     if "period" in node.value:
+        place = node.value["period"].position
         period = reader.positive(node.value["period"], "record.period", math.nan)
         _is_multiple(node.value["period"], "record.period", period, run.step, reader)
     signals = node.value.get("signals") or Node([], node.position)
     if not isinstance(signals.value, list):
         message = f"`record.signals` must be a list, not {describe(signals)}"
         reader.wrong(signals, message, "such as signals: [plant.x]", WrongType)
-        return Record(period, [], node.place)
+        return Record(period, [], place)
     known = [network.rewired(n, reader.problems) for n in reader.endpoints(signals, "record.signals")]
-    return Record(period, known, node.place)
+    return Record(period, known, place)
 
 
 def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEntry | None:

@@ -10,6 +10,7 @@ from cosim.block import Block, Declaration, Parameter, State, Variable
 from cosim.entry import BlockEntry
 from cosim.errors import Position
 from cosim.network import Network, Slave
+from cosim.run import reduced
 from cosim.source import Node
 from cosim.terminal import print_warnings
 
@@ -19,6 +20,7 @@ VERDICTS = {True: "holds", False: "FAILS", None: "open "}
 def print_network(network: Network) -> None:
     """The slaves in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
     run = network.diagram.run
+    _, warnings = reduced(network)
     tasks = order.evaluation_order(network)
     print(f"{network.diagram.title or network.diagram.path.name}: {len(network.slaves)} blocks, valid")
     print(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
@@ -34,7 +36,8 @@ def print_network(network: Network) -> None:
     for slave, rule, _ in along:
         print(f"  run    {slave.name}: {rule.source or 'condition'}, {rule.text}: `cosim run` judges it")
     sys.stdout.flush()
-    print_warnings(rules.as_warning(network, finding) for finding in findings if finding.holds is False)
+    broken = [rules.as_warning(network, finding) for finding in findings if finding.holds is False]
+    print_warnings([*warnings, *broken])
 
 
 def _slave_row(network: Network, slave: Slave) -> list[str]:

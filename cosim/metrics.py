@@ -2,6 +2,9 @@
 
 A reduction takes the samples whose times lie in its window, bounds included. Bounds are compared with a relative
 tolerance of 1e-9, because sample times are rounded products of the step.
+
+Every figure has the same bits however the samples come in batches. A NaN among the samples makes `max`, `min`, `mean`
+and `rms` NaN; an infinity counts as one: it is the largest or smallest, and makes the mean infinite.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import MetricError, nearest
+from cosim.summation import ExactSum
 
 Array = NDArray[Any]
 WINDOW_TOLERANCE = 1e-9
@@ -38,6 +42,17 @@ class Reduction(ABC):
             raise MetricError(
                 f"the time window from {start:g} s to {stop:g} s is empty", fix="`from` must not exceed `to`"
             )
+
+    def reaches(self, time: float) -> bool:
+        """Whether the window goes as far as a time (s), or farther."""
+        return self._inside(np.array([time])).stop == 1
+
+    def holds_sample(self, step: float, steps: int) -> bool:
+        """Whether one of the times 0, step, …, steps · step (s) lies in the window."""
+        near = math.floor(min(max((self.start or 0.0) / step - 1.0, 0.0), steps))
+        times = step * np.arange(near, min(near + 4, steps + 1))
+        inside = self._inside(times)
+        return inside.start < inside.stop
 
     def update(self, times: Array, samples: Array) -> None:
         """Take a batch: times (k,) in s, never decreasing, and samples (k, *shape). Keeps no reference to either."""
@@ -89,7 +104,10 @@ class Maximum(Reduction):
         self._extreme = extreme if self._extreme is None else self.pick(self._extreme, extreme)
 
     def value(self) -> float | None:
-        return None if self._extreme is None else self._extreme.item()
+        if self._extreme is None:
+            return None
+        value = self._extreme.item()
+        return value + 0.0 if isinstance(value, float) else value  # of 0.0 and -0.0, whichever came first is "largest"
 
 
 class Minimum(Maximum):
@@ -100,31 +118,29 @@ class Minimum(Maximum):
 
 
 class Mean(Reduction):
-    """Arithmetic mean of all elements of all samples."""
+    """Arithmetic mean of all elements of all samples, correctly rounded."""
 
     name = "mean"
-    power: ClassVar[int] = 1
 
     def __init__(self, *signal: Any) -> None:
         super().__init__(*signal)
-        self._sum = 0.0
-        self._count = 0
+        self._sum = ExactSum()
 
     def _take(self, times: Array, samples: Array) -> None:
-        with np.errstate(over="ignore", invalid="ignore"):
-            powers = samples if self.power == 1 else np.square(samples, dtype=float)
-            self._sum += float(np.sum(powers, dtype=float))
-        self._count += samples.size
+        self._sum.add(samples)
 
     def value(self) -> float | None:
-        return self._sum / self._count if self._count else None
+        return self._sum.mean() if self._sum.count else None
 
 
 class RootMeanSquare(Mean):
     """Square root of the mean square of all elements of all samples."""
 
     name = "rms"
-    power = 2
+
+    def _take(self, times: Array, samples: Array) -> None:
+        with np.errstate(over="ignore"):
+            self._sum.add(np.square(samples, dtype=float))
 
     def value(self) -> float | None:
         mean = super().value()
@@ -150,7 +166,8 @@ class Final(Reduction):
 class Events(Final):
     """What happened when: a block keeps rows [numbers of the members…, time], NaN in those not used yet.
 
-    The rows of the last sample count, as far as their own times lie in the window; sorted by time.
+    The rows of the last sample count, as far as their own times lie in the window; sorted by time. `value` raises
+    MetricError where a row is no event.
     """
 
     name = "events"
@@ -158,19 +175,44 @@ class Events(Final):
 
     def __init__(self, *signal: Any) -> None:
         super().__init__(*signal)
+        self._now = 0.0
         if self.dtype.kind != "f" or len(self.shape) < 2 or self.shape[-1] < 2:
             raise MetricError(
                 f"`events` needs a float matrix with rows [members…, time], not {self.dtype} of shape {self.shape}",
-                fix="use the output of a block that records events, or reduce with `first`",
+                fix="use the output of a block that records events, or reduce with `final`",
             )
+
+    def holds_sample(self, step: float, steps: int) -> bool:
+        """As of `Reduction`; events may happen between two steps."""
+        ends = self._inside(np.array([0.0, step * steps]))
+        return ends.start < 2 and ends.stop > 0
+
+    def update(self, times: Array, samples: Array) -> None:
+        """As of `Reduction`; the window is one of the rows' own times."""
+        if samples.size:
+            self._now = float(times[-1])
+            self._take(times, samples)
 
     def value(self) -> list[dict[str, Any]] | None:
         if self._last is None:
             return None
         rows = self._last.reshape(-1, self.shape[-1])
-        rows = rows[np.isfinite(rows).all(axis=1)]
+        rows = rows[~np.isnan(rows).all(axis=1)]
+        self._refuse_what_is_no_event(rows)
         rows = rows[np.argsort(rows[:, -1], kind="stable")]
         return [_event(row[:-1], row[-1]) for row in rows[self._inside(rows[:, -1])]]
+
+    def _refuse_what_is_no_event(self, rows: Array) -> None:
+        members, times = rows[:, :-1], rows[:, -1]
+        latest = self._now * (1 + WINDOW_TOLERANCE)
+        with np.errstate(invalid="ignore"):
+            sound = ((members >= 1) & (members % 1 == 0)).all(axis=1) & (times >= 0) & (times <= latest)
+        if not sound.all():
+            row = ", ".join(f"{number:.6g}" for number in rows[int(sound.argmin())])
+            raise MetricError(
+                f"`events` found the row [{row}], which is not [numbers of members from 1, a time of the run]",
+                fix="use the output of a block that records events, or reduce with `final`",
+            )
 
 
 class First(Reduction):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import time as clock
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,11 +16,11 @@ import numpy as np
 from cosim import diagram as diagrams
 from cosim import interruption, results, rules, simulation, table, wiring
 from cosim import metrics as reductions
-from cosim.block import Local, Output
+from cosim.block import Local, Output, State
 from cosim.courses import Courses
-from cosim.diagram import Diagram
-from cosim.errors import CosimError, Diverged, MetricError, Problems
-from cosim.metrics import Final, Reduction
+from cosim.diagram import Diagram, MetricEntry
+from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, WrongValue
+from cosim.metrics import Events, Final, Reduction
 from cosim.network import Finding, Network, Signal
 from cosim.simulation import Kernels, Probes, Samples, Simulation
 from cosim.table import Table
@@ -97,7 +97,7 @@ class Run:
         self.engine = engine
         self.output = output
         settings = network.diagram.run
-        self.metrics = _metrics(network)
+        self.metrics, self._warnings = reduced(network)
         self._events = _events(network)
         self._courses = _courses(network)
         built, kernels = prepared or (table.build(network, settings.method), None)
@@ -111,12 +111,17 @@ class Run:
 
     def _probes(self) -> list[Probes]:
         """What is reduced is seen at every step, what is recorded at the recording's period."""
-        stepwise = [s for s, r in (*self.metrics.values(), *self._events.values()) if not isinstance(r, Final)]
+        stepwise = [s for s, r in (*self.metrics.values(), *self._events.values()) if not self._at_end(r)]
         stepwise += self._courses
         record = self.network.diagram.record
         recorded = [self.network.find(str(n.value), n.position) for n in record.signals] if record else []
         every = round(record.period / self.simulation_step) if record else 1
         return [Probes(tuple(dict.fromkeys(stepwise))), Probes(tuple(dict.fromkeys(recorded)), every)]
+
+    def _at_end(self, reduction: Reduction) -> bool:
+        """Whether a reduction looks at the signal's last value alone."""
+        last = isinstance(reduction, Final) and reduction.reaches(self.network.diagram.run.stop)
+        return last or isinstance(reduction, Events)
 
     @property
     def simulation_step(self) -> float:
@@ -139,10 +144,10 @@ class Run:
             status, error = "failed", stopped
         except KeyboardInterrupt:
             status = "interrupted"
-        for signal, reduction in self.metrics.values():
-            if isinstance(reduction, Final):
-                reduction.update(np.array([self.simulation.time]), self.simulation.value(signal)[None])
-        outcome = self._outcome(status, error)
+        figures, wrong = self._figures()
+        if status == "completed" and wrong:
+            status, error = "failed", wrong
+        outcome = self._outcome(status, error, figures)
         if writer:
             message = error.message if error else ""
             writer.close(status, message, outcome.metrics, outcome.steps, outcome.seconds)
@@ -176,10 +181,22 @@ class Run:
     def _reduce(self, samples: Samples) -> None:
         times = samples.steps * self.simulation_step
         for signal, reduction in (*self.metrics.values(), *self._events.values()):
-            if not isinstance(reduction, Final):
+            if not self._at_end(reduction):
                 reduction.update(times, samples.values[signal])
         for signal, courses in self._courses.items():
             courses.update(times, samples.values[signal])
+
+    def _figures(self) -> tuple[dict[str, Any], CosimError | None]:
+        """The metrics' values, and why one of them has none where that is a mistake."""
+        now, values, wrong = np.array([self.simulation.time]), dict.fromkeys(self.metrics), None
+        for name, (signal, reduction) in self.metrics.items():
+            if self._at_end(reduction):
+                reduction.update(now, self.simulation.value(signal)[None])
+            try:
+                values[name] = reduction.value()
+            except MetricError as error:
+                wrong = wrong or _of_metric(self.network.diagram.metrics[name], error)
+        return values, wrong
 
     def _append(self, writer: results.ResultWriter, samples: Samples) -> None:
         values = {str(signal): array for signal, array in samples.values.items()}
@@ -207,7 +224,7 @@ class Run:
             self.network, {signal: courses.of_members() for signal, courses in self._courses.items()}
         )
 
-    def _outcome(self, status: str, error: CosimError | None) -> Outcome:
+    def _outcome(self, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
         diagram = self.network.diagram
         conditions = self._conditions()
         failed = [rules.as_warning(self.network, finding) for finding in conditions if finding.holds is False]
@@ -224,11 +241,11 @@ class Run:
             engine=self.engine,
             kernels_compiled=self.kernels_compiled,
             seconds={name: round(value, 6) for name, value in self.seconds.items()},
-            metrics={name: reduction.value() for name, (_, reduction) in self.metrics.items()},
+            metrics=figures,
             results=str(self.output) if self.output else None,
             error=error,
             events=events,
-            warnings=_warnings(self.network) + failed,
+            warnings=[*self._warnings, *_warnings(self.network), *failed],
             conditions=conditions,
             units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
             windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},
@@ -248,8 +265,11 @@ def _warnings(network: Network) -> list[CosimError]:
     return [rules.as_warning(network, finding) for finding in broken]
 
 
-def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:
-    """Each metric's signal and reduction. Raises: DiagramErrors with every MetricError."""
+def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list[CosimError]]:
+    """Each metric's signal and reduction; and, where --stop or --step shortened the run, warnings of what stays empty.
+
+    Raises: DiagramErrors with every MetricError.
+    """
     problems, found = Problems(), {}
     for name, metric in network.diagram.metrics.items():
         signal = network.find(str(metric.signal.value), metric.signal.position)
@@ -257,11 +277,45 @@ def _metrics(network: Network) -> dict[str, tuple[Signal, Reduction]]:
         start, stop = metric.start or None, metric.stop if math.isfinite(metric.stop) else None
         try:
             reduction = reductions.reduction(metric.reduce, start, stop, variable.dtype, network.shape(signal))
+            if isinstance(reduction, Events) and not _keeps_events(network, signal):
+                message = f"`events` needs a table that starts as NaN, which `{signal}` does not"
+                raise MetricError(message, fix="use the output of a block that records events, or reduce with `final`")
             found[name] = signal, reduction
         except MetricError as error:
-            problems.add(MetricError(f"metric {name}: {error.message}", metric.position, error.fix))
+            problems.add(_of_metric(metric, error))
+    empty = list(_empty(network.diagram, found))
+    nodes = network.diagram.run.nodes
+    shortened = any(not nodes[key].position.line for key in ("stop", "step") if key in nodes)
+    if not shortened:
+        problems.add(DiagramErrors(empty))
     problems.raise_if_any()
-    return found
+    return found, empty if shortened else []
+
+
+def _of_metric(metric: MetricEntry, error: MetricError) -> MetricError:
+    return MetricError(f"metric {metric.name}: {error.message}", metric.position, error.fix)
+
+
+def _keeps_events(network: Network, signal: Signal) -> bool:
+    """Whether rows of a signal may be events: unused ones are NaN from the start. Of an FMU, only values tell."""
+    variable = network.variable(signal)
+    if network.slaves[signal.slave].declaration.foreign:
+        return True
+    return isinstance(variable, State) and isinstance(variable.start, float) and math.isnan(variable.start)
+
+
+def _empty(diagram: Diagram, found: Mapping[str, tuple[Signal, Reduction]]) -> Iterator[CosimError]:
+    """The metrics whose window has no sample in it, and a recording of nothing but the start."""
+    run = diagram.run
+    for name, (_, reduction) in found.items():
+        if not reduction.holds_sample(run.step, run.steps):
+            metric = diagram.metrics[name]
+            times = f"the times of this run are 0, {run.step:g}, … {run.stop:g} s"
+            yield MetricError(f"metric {name}: no sample lies in its window ({reduction})", metric.position, times)
+    record = diagram.record
+    if record and record.signals and record.period > run.stop * (1 + 1e-9):
+        message = f"`record.period` of {record.period:g} s is longer than the run: only the start would be recorded"
+        yield WrongValue(message, record.position, f"such as {run.stop:g}, the run's end, or less")
 
 
 def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:

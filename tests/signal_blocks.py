@@ -170,3 +170,23 @@ class Table(Block, compiled=False):
 
     def outputs(u, y):
         y[0] = {0: 1.0}.get(round(u), u)
+
+
+class Clock(Block):
+    """The time, and tables of what happened at 1.5 s."""
+
+    t = Output(unit="s")
+    log = State(2, 2, output=True, start=math.nan, description="an event: rows [member, time]")
+    ones = State(2, 2, output=True, start=1.0, description="no table of events")
+    torn = State(2, 2, output=True, start=math.nan, description="a row that is no event")
+
+    def outputs(time, t):
+        t[0] = time
+
+    def update(time, next_log, next_ones, next_torn):
+        next_ones[0, 0] = 1.0
+        if time >= 1.5 and math.isnan(next_log[0, 0]):
+            next_log[0, 0] = 7.0
+            next_log[0, 1] = time
+            next_torn[0, 0] = 7.0
+            next_torn[0, 1] = -1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -25,16 +26,38 @@ def reduce(name, times, samples, start=None, stop=None, batches=7):
     return figure.value()
 
 
-@given(st.integers(1, 40), st.integers(0, 2**32 - 1))
-def test_batches_do_not_matter(batches, seed):
-    x = np.random.default_rng(seed).normal(size=(len(TIMES), 2, 3))
-    assert reduce("max", TIMES, x, batches=batches) == x.max()
-    assert reduce("min", TIMES, x, batches=batches) == x.min()
-    # Summation in another order: n terms of size about one differ by n machine epsilons at most.
-    rounding = x.size * np.finfo(float).eps
-    assert reduce("mean", TIMES, x, batches=batches) == pytest.approx(x.mean(), abs=rounding)
-    assert reduce("rms", TIMES, x, batches=batches) == pytest.approx(math.sqrt(np.mean(x**2)), abs=rounding)
-    assert reduce("final", TIMES, x, batches=batches) == x[-1].tolist()
+def bits(value):
+    """What a value is to the last bit; signed zeros are two."""
+    return repr(value)
+
+
+@given(st.lists(st.integers(0, 301), max_size=40), st.integers(0, 2**32 - 1))
+def test_batches_do_not_matter(cuts, seed):
+    """Every reduction gives the same bits for every split, of numbers from 1e-300 to 1e150 and of both zeros."""
+    random = np.random.default_rng(seed)
+    x = random.normal(size=(len(TIMES), 2, 3)) * 10.0 ** random.uniform(-300, 150, (len(TIMES), 1, 3))
+    x *= random.integers(0, 2, x.shape)
+    rows = np.where(random.random((len(TIMES), 4, 1)) < 0.5, [[1.0, 2.0, 0.0]], np.nan)
+    for samples, names in ((x, ["max", "min", "mean", "rms", "final"]), (x > 0, ["first", "mean"]), (rows, ["events"])):
+        for name in names:
+            figure = reduction(name, None, None, samples.dtype, samples.shape[1:])
+            for part in np.split(np.arange(len(TIMES)), sorted(cuts)):
+                figure.update(TIMES[part], samples[part])
+            assert bits(figure.value()) == bits(reduce(name, TIMES, samples, batches=1)), name
+
+
+def test_a_mean_is_the_nearest_number_to_the_true_one():
+    """Numbers that cancel: in float64, whatever the order, nothing of the small ones would be left."""
+    x = np.array([1e300, 1.0, -1e300, 1e-300, 5e-324, 0.1, -0.0, -1e16, 1e16])
+    assert reduce("mean", np.arange(9.0), x) == float(sum(map(Fraction, x.tolist())) / 9)
+    tenths = np.full(300_000, 0.1)
+    assert reduce("mean", np.arange(300_000.0), tenths) == 0.1
+
+
+def test_of_two_zeros_none_is_the_larger():
+    for zeros in ([0.0, -0.0], [-0.0, 0.0]):
+        for name in ("max", "min"):
+            assert bits(reduce(name, np.arange(2.0), np.array(zeros))) == "0.0"
 
 
 def test_rms_of_a_sine_over_a_period():
@@ -74,6 +97,9 @@ def test_infinity_is_not_hidden_and_overflow_is_silent():
     x[7] = -np.inf
     assert reduce("min", TIMES, x) == -math.inf
     assert reduce("rms", TIMES, np.full(301, 1e300)) == math.inf
+    assert reduce("mean", TIMES, x) == -math.inf
+    x[8] = np.inf
+    assert math.isnan(reduce("mean", TIMES, x)) and reduce("max", TIMES, x) == math.inf
 
 
 def test_integers_and_booleans():
@@ -104,8 +130,34 @@ def test_events_of_the_last_sample_sorted_by_time():
         {"pair": [2, 3], "time": 10.0},
     ]
     assert reduce("events", times, rows, start=5) == [{"pair": [2, 3], "time": 10.0}]
+    assert reduce("events", times, rows, stop=5) == [{"pair": [1, 6], "time": 2.345}]  # the sample itself is later
     assert reduce("events", times, rows[:, :, 1:]) == [{"member": 6, "time": 2.345}, {"member": 3, "time": 10.0}]
     assert reduce("events", times, rows[:1].repeat(2, axis=0)) == []
+
+
+@pytest.mark.parametrize("row", [[0, 2, 1], [1.5, 2, 1], [1, 2, -1], [1, 2, 4], [1, math.inf, 1], [1, 2, math.nan]])
+def test_what_is_no_event_is_not_made_one(row):
+    with pytest.raises(MetricError, match="which is not"):
+        reduce("events", np.array([3.0]), np.array([[row, [math.nan] * 3]]), batches=1)
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "holds", "reaches"),
+    [
+        (None, None, True, True),
+        (0.3, 0.3, True, False),  # 3 * 0.1 is 0.30000000000000004
+        (0.31, 0.39, False, False),
+        (30.0, None, True, True),
+        (30.01, None, False, True),
+        (None, -0.1, False, False),
+        (1e300, None, False, True),
+        (29.0, 30.0, True, True),
+    ],
+)
+def test_windows_and_the_times_of_a_run(start, stop, holds, reaches):
+    figure = reduction("max", start, stop)
+    assert figure.holds_sample(0.1, 300) is holds
+    assert figure.reaches(30.0) is reaches
 
 
 def test_events_of_every_member_of_a_fleet():
