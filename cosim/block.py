@@ -208,14 +208,14 @@ class Foreign(Protocol):
 
     kernel: ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame has for it between
     the instance count and the arguments; whoever opens instances for a run fills them. parts: the instances for one
-    run, each a `cosim.hosts.Part`; zeros gives memory that all processes of the run share.
+    run, each a `cosim.hosts.Part`; loop: a `cosim.hosts.Loop`; zeros gives memory that all processes of the run share.
     """
 
     @property
     def kernel(self) -> Callable[[float, int, int], int]: ...
     @property
     def frame_words(self) -> int: ...
-    def parts(self, slave: Any, calls: Any, arena: Any, step: float, wanted: set[str], zeros: Any) -> Any: ...
+    def parts(self, slave: Any, calls: Any, arena: Any, loop: Any, wanted: set[str], zeros: Any) -> Any: ...
 
 
 @dataclass

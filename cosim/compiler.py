@@ -103,6 +103,7 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
     """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
+    llvm.initialize_native_asmparser()
     target = llvm.Target.from_triple(triple)
     machine = target.create_target_machine(cpu=cpu, features=features, opt=3, reloc="pic", codemodel="default")
     ir = re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.M)

@@ -60,7 +60,8 @@ CONTROL_WORDS = 32
     WARNINGS,  # how many calls returned a warning
     ORIGIN_STEP,  # the step at which the time is ORIGIN
     ORIGIN,  # a float64 (s)
-) = range(24)
+    ENDING,  # whether to do no step after this communication point; a foreign block may set it
+) = range(25)
 
 _EXPONENT = 0x7FF0000000000000
 
@@ -75,6 +76,8 @@ def run(step: float, base: int, control: int) -> int:
         if status > WARNING:
             return status
         probe(c, base, k)
+        if c[ENDING] != 0:
+            return OK
         status = advance(c, base, k, time, time_at(c, control, k + 1, step), step)
         if status > WARNING:
             return status

@@ -175,6 +175,10 @@ class SlaveHung(SlaveFailed):
     """A function of an FMU did not return within the run's patience."""
 
 
+class Terminated(CosimError):
+    """An FMU asked for the end of the simulation, which is no failure, but the run is shorter than it was to be."""
+
+
 class ArchiveError(CosimError):
     """An FMU file that is no sound archive, or tries to do harm."""
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -25,13 +26,34 @@ from cosim.table import Call, Table
 ENGINE = "engine"
 
 
+@dataclass(frozen=True)
+class Loop:
+    """What a foreign block is told of the loop that calls it.
+
+    step: communication step (s). inner_step: of the integration of its states (s), which asks for derivatives `stages`
+    times; joint: with the states of all other blocks. ending: the address of the word that ends the run, see
+    `cosim.engine.ENDING`.
+    """
+
+    step: float
+    inner_step: float
+    stages: int
+    joint: bool
+    ending: int
+
+
 class Trace(Protocol):
-    """What shared memory tells of a part: a number that changes with every call, whether one failed, how all ended."""
+    """What shared memory tells of a part: a number that changes with every call, None while none is under way; whether
+    one failed, and how all ended."""
 
     @property
-    def activity(self) -> int: ...
+    def activity(self) -> int | None: ...
     @property
     def failed(self) -> bool: ...
+    @property
+    def terminated(self) -> bool: ...
+    def termination(self) -> CosimError: ...
+    def warnings(self) -> list[CosimError]: ...
     def ended(self, how: str, hung: bool, time: float) -> CosimError: ...
 
 
@@ -151,11 +173,11 @@ class Watch:
         self._parts = parts
         self._asked: Part | None = None  # the part that is opened, asked or closed; else the loop is at work
 
-    def activity(self) -> tuple[int, ...] | None:
-        """What changes as long as a foreign block does something; None while a native one is at work."""
-        if self._asked is None and self._call().slave not in self._parts:
-            return None
+    def activity(self) -> tuple[int | None, ...] | None:
+        """What changes as long as a foreign block does something; None while no call of one is under way."""
         calls = [part.trace.activity for part in _all(self._parts)]
+        if all(call is None for call in calls):
+            return None
         return int(self._control[engine.STEP]), int(self._control[engine.AT]), *calls
 
     @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,45 @@ def bytes_at(address: int, size: int) -> np.ndarray:
     return carray(byte_pointer(address), (size,))
 
 
+@dataclass(frozen=True)
+class _ControlWord:
+    """A floating-point control word of the processor; mask: what is no sticky flag.
+
+    get, set: the instructions that store and load it where a pointer in a register points; clobbered: what they change.
+    """
+
+    bits: int
+    get: str
+    set: str
+    mask: int
+    clobbered: str
+
+    def read(self, builder: Any) -> Any:
+        """The word as it is now."""
+        place = cgutils.alloca_once(builder, ir.IntType(self.bits))
+        self._move(builder, self.get, place)
+        return builder.load(place)
+
+    def write(self, builder: Any, value: Any) -> None:
+        """Change it."""
+        place = cgutils.alloca_once(builder, ir.IntType(self.bits))
+        builder.store(value, place)
+        self._move(builder, self.set, place)
+
+    def _move(self, builder: Any, instruction: str, place: Any) -> None:
+        kind = ir.FunctionType(ir.VoidType(), [place.type])
+        builder.asm(kind, instruction, f"r,~{{memory}},~{{{self.clobbered}}}", [place], side_effect=True)
+
+
+_X86_VECTOR = _ControlWord(32, "stmxcsr ($0)", "ldmxcsr ($0)", 0xFFC0, "fpsr")
+_X86_STACK = _ControlWord(16, "fnstcw ($0)", "fldcw ($0)", 0xFFFF, "fpsr")
+_ARM = _ControlWord(64, "mrs x9, fpcr; str x9, [$0]", "ldr x9, [$0]; msr fpcr, x9", 0xFFFFFFFF, "x9")
+
+
+def _is_arm() -> bool:
+    return platform.machine().lower() in ("arm64", "aarch64")
+
+
 @intrinsic
 def invoke(context: Any, function: Any, arguments: Any) -> Any:
     """`cosim.memory.invoke`, compiled: an indirect C call whose signature follows from the arguments' types."""
@@ -97,7 +137,15 @@ def invoke(context: Any, function: Any, arguments: Any) -> Any:
         given = cgutils.unpack_tuple(builder, values[1], len(kinds))
         given = [context.cast(builder, v, a, k) for v, a, k in zip(given, arguments, kinds, strict=True)]
         kind = ir.FunctionType(ir.IntType(32), [context.get_value_type(k) for k in kinds])
-        return builder.call(builder.inttoptr(values[0], kind.as_pointer()), given)
+        function = builder.inttoptr(values[0], kind.as_pointer())
+        words = [_X86_VECTOR, _X86_STACK] if not _is_arm() else [_ARM]
+        before = [word.read(builder) for word in words]
+        status = builder.call(function, given)
+        for word, old in zip(words, before, strict=True):
+            changed = builder.and_(builder.xor(word.read(builder), old), ir.Constant(old.type, word.mask))
+            with builder.if_then(builder.icmp_unsigned("!=", changed, changed.type(0)), likely=False):
+                word.write(builder, old)
+        return status
 
     return types.int32(types.int64, arguments), generate
 
@@ -154,8 +202,7 @@ def pause(context: Any) -> Any:
     """`cosim.memory.pause`, compiled: the processor's hint that it spins."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        arm = platform.machine().lower() in ("arm64", "aarch64")
-        name, hint = ("llvm.aarch64.hint", [ir.IntType(32)(1)]) if arm else ("llvm.x86.sse2.pause", [])
+        name, hint = ("llvm.aarch64.hint", [ir.IntType(32)(1)]) if _is_arm() else ("llvm.x86.sse2.pause", [])
         kind = ir.FunctionType(ir.VoidType(), [h.type for h in hint])
         builder.call(cgutils.get_or_insert_function(builder.module, kind, name), hint)
         return context.get_dummy_value()

@@ -8,17 +8,23 @@ from __future__ import annotations
 
 import ctypes
 import mmap
+import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 
 import numpy as np
+
+from cosim import floating
 
 #: What `call` reaches in the interpreted engine: handle -> (time) -> status.
 interpreted: dict[int, Callable[[float], int]] = {}
 
 
 ALIGNMENT = 64
+_WIPE_ON_FORK = 18  # MADV_WIPEONFORK of madvise(2)
+_INHERIT_ZERO = 3  # INHERIT_ZERO of minherit(2)
 
 
 def private(size: int) -> np.ndarray:
@@ -31,6 +37,21 @@ def private(size: int) -> np.ndarray:
 def shared(size: int) -> np.ndarray:
     """Zeroed bytes (size,) that processes forked later have in common, at the same address."""
     return np.frombuffer(mmap.mmap(-1, max(1, size)), np.uint8)[:size]
+
+
+def own() -> np.ndarray:
+    """A word that is 1 in this process, and 0 in those that are forked from it later, where the system can do that."""
+    if sys.platform == "win32":  # has no fork
+        return np.ones(1, np.int64)
+    page = mmap.mmap(-1, mmap.PAGESIZE, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    word = np.frombuffer(page, np.int64)[:1]
+    if sys.platform == "linux":
+        with suppress(OSError):  # before Linux 4.14
+            page.madvise(_WIPE_ON_FORK)
+    elif hasattr(library := ctypes.CDLL(None), "minherit"):
+        library.minherit(ctypes.c_void_p(word.ctypes.data), ctypes.c_size_t(mmap.PAGESIZE), _INHERIT_ZERO)
+    word[0] = 1
+    return word
 
 
 def words_at(address: int, size: int) -> np.ndarray:
@@ -54,10 +75,14 @@ def bytes_at(address: int, size: int) -> np.ndarray:
 
 
 def invoke(function: int, arguments: tuple[int | float, ...]) -> int:
-    """Call a C function that returns an int32: floats go as double, integers and addresses as 64-bit words."""
+    """Call a C function that returns an int32: floats go as double, integers and addresses as 64-bit words.
+
+    The floating-point control word is afterwards what it was.
+    """
     kinds = tuple(ctypes.c_double if isinstance(a, float) else ctypes.c_int64 for a in arguments)
     plain = [float(a) if isinstance(a, float) else int(a) for a in arguments]
-    return _prototype(kinds)(int(function))(*plain)
+    with floating.kept():
+        return _prototype(kinds)(int(function))(*plain)
 
 
 @cache

@@ -19,7 +19,7 @@ from cosim import metrics as reductions
 from cosim.block import Local, Output, State
 from cosim.courses import Courses
 from cosim.diagram import Diagram, MetricEntry
-from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, WrongValue
+from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, Terminated, WrongValue
 from cosim.metrics import Events, Final, Reduction
 from cosim.network import Finding, Network, Signal
 from cosim.simulation import Kernels, Probes, Samples, Simulation
@@ -40,7 +40,10 @@ class Event:
 
 @dataclass
 class Outcome:
-    """How a run ended. status: completed, diverged, interrupted or failed; seconds: wall-clock time of each part."""
+    """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
+
+    seconds: wall-clock time of each part.
+    """
 
     diagram: str
     status: str
@@ -136,10 +139,13 @@ class Run:
         writer = self._writer() if self.output else None
         status = "completed"
         error: CosimError | None = None
+        termination: CosimError | None = None
         try:
             self._solve(writer, watch)
         except Diverged as stopped:
             status, error = "diverged", stopped
+        except Terminated as stopped:
+            status, termination = "terminated", stopped
         except CosimError as stopped:
             status, error = "failed", stopped
         except KeyboardInterrupt:
@@ -148,8 +154,10 @@ class Run:
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
+        outcome.warnings += [*self.simulation.warnings(), *([termination] if termination else [])]
         if writer:
-            message = error.message if error else ""
+            ended = error or termination
+            message = ended.message if ended else ""
             writer.close(status, message, outcome.metrics, outcome.steps, outcome.seconds)
         return outcome
 

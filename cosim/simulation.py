@@ -12,12 +12,13 @@ import time as clock
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
 from typing import Any
 
 import numpy as np
 
-from cosim import engine, hosts, kernels, memory, supervision
+from cosim import engine, floating, hosts, kernels, memory, supervision
 from cosim.errors import BlockFailed, CosimError, Diverged, KernelError
 from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
@@ -131,7 +132,8 @@ class Simulation:
             run, execute = KERNEL(loop.address("run")), KERNEL(loop.address("execute"))
         self._build_control(np.array(functions, np.int64))
         base, control, step = self.arena.ctypes.data, self.control.ctypes.data, self.step
-        commands = {"run": lambda: run(step, base, control), "execute": lambda: execute(0.0, base, control)}
+        bound = {"run": partial(run, step, base, control), "execute": partial(execute, 0.0, base, control)}
+        commands = {name: partial(_standard, function) for name, function in bound.items()}
         self._parts = {slave.name: self._foreign_parts(slave) for slave in foreign}
         self._host: hosts.Here | hosts.Forked
         if forked:
@@ -222,11 +224,27 @@ class Simulation:
         wanted = {s.variable for s in looked_at if s.slave == slave.name}
         calls = [call for call in self.table.calls if call.slave == slave.name]
         assert slave.declaration.foreign
-        return slave.declaration.foreign.parts(slave, calls, self.arena, self.step, wanted, self._zeros)
+        return slave.declaration.foreign.parts(slave, calls, self.arena, self._loop(slave), wanted, self._zeros)
+
+    def _loop(self, slave: Slave) -> hosts.Loop:
+        """What a foreign block is told of the loop."""
+        run = self.table.network.diagram.run
+        joint = run.method == "joint"
+        method, inner_steps = (run.integrator, run.inner_steps) if joint else (slave.method, slave.inner_steps)
+        ending = self.control.ctypes.data + 8 * engine.ENDING
+        return hosts.Loop(self.step, self.step / inner_steps, {"euler": 1, "rk4": 4}[method], joint, ending)
 
     def close(self) -> None:
         """End all instances of foreign blocks; signals can still be read. Raises: SlaveCrashed, SlaveHung."""
         self._host.close(self._initialized)
+
+    def warnings(self) -> list[CosimError]:
+        """What foreign blocks warned of so far; of a block in many processes, what the first of them did."""
+        found: list[CosimError] = []
+        for parts in self._parts.values():
+            several = [warnings for part in parts if (warnings := part.trace.warnings())]
+            found += several[0] if several else []
+        return found
 
     @property
     def done(self) -> int:
@@ -241,7 +259,7 @@ class Simulation:
     def batches(self) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
 
-        Raises: BlockFailed, Diverged; what the probes saw before is yielded first.
+        Raises: BlockFailed, Diverged, Terminated; what the probes saw before is yielded first.
         """
         size = 1 if self._parts else 64
         largest = (
@@ -259,8 +277,10 @@ class Simulation:
             if error:
                 raise error
             self._raise(status)
-            if last == self.steps:
+            if self.done == self.steps:
                 return
+            if self.control[engine.ENDING]:
+                raise next(p.trace.termination() for ps in self._parts.values() for p in ps if p.trace.terminated)
             size = int(max(1, min(largest, 4 * size, size * BATCH_SECONDS / max(spent, 1e-6))))
 
     def _do_batch(self) -> tuple[int, BaseException | None]:
@@ -306,6 +326,12 @@ class Simulation:
     def value(self, signal: Signal) -> np.ndarray:
         """A signal now, as a copy (instances…, *shape)."""
         return self.table.signal(signal, self.arena).copy()
+
+
+def _standard(function: Callable[..., int]) -> int:
+    """Call a function of the loop with IEEE 754's arithmetic, whatever else this process has loaded."""
+    with floating.standard():
+        return function()
 
 
 def _forget(handles: list[int]) -> None:

@@ -12,7 +12,7 @@ from cosim.commands.options import diagram_arguments, load_network
 from cosim.errors import CosimError
 from cosim.run import ENGINES, Outcome, Run
 
-EXIT_CODES = {"completed": 0, "diverged": 1, "failed": 1, "interrupted": 130}
+EXIT_CODES = {"completed": 0, "terminated": 1, "diverged": 1, "failed": 1, "interrupted": 130}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -21,13 +21,16 @@ class Library:
         self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
         self.prefix = f"fmi{fmu.version}"
         try:
-            if sys.platform == "win32":
-                with os.add_dll_directory(str(self.path.parent)):
-                    self._handle = ctypes.CDLL(str(self.path))
-            else:
-                self._handle = ctypes.CDLL(str(self.path))
+            with trace.calling(0, 0):
+                self._handle = self._load()
         except OSError as error:
             raise FmuError(f"`{fmu.name}`: its binary cannot be loaded: {error}") from None
+
+    def _load(self) -> ctypes.CDLL:
+        if sys.platform != "win32":
+            return ctypes.CDLL(str(self.path))
+        with os.add_dll_directory(str(self.path.parent)):
+            return ctypes.CDLL(str(self.path))
 
     def address(self, name: str) -> int:
         """The address of a function, without FMI's prefix. Raises: FmuError."""
@@ -37,6 +40,14 @@ class Library:
             raise FmuError(
                 f"`{self.path.name}` has no function {self.prefix}{name}", fix="export the FMU again"
             ) from None
+        return self._noted(function, name)
+
+    def find(self, name: str) -> int:
+        """The address of a function, 0 where the library has none."""
+        function = getattr(self._handle, self.prefix + name, None)
+        return self._noted(function, name) if function else 0
+
+    def _noted(self, function: Any, name: str) -> int:
         address = ctypes.cast(function, ctypes.c_void_p).value or 0
         self._trace.name(address, self.prefix + name)
         return address

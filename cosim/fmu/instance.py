@@ -17,19 +17,20 @@ from typing import Any
 import numpy as np
 
 from cosim.block import Parameter
-from cosim.errors import SlaveFailed, TooManyInstances, WrongValue
+from cosim.errors import CosimError, TooManyInstances, WrongValue
 from cosim.fmu import layout, messages
 from cosim.fmu.binary import Library
 from cosim.fmu.ports import Port
 from cosim.fmu.trace import Trace
-from cosim.memory import invoke, private, words_at
+from cosim.hosts import Loop
+from cosim.memory import invoke, own, private, words_at
 
 REASONS = {
     layout.NOT_FINITE: "gave a value that is not finite",
-    layout.TERMINATED: "asked for the end of the simulation",
     layout.NO_PROGRESS: "returned early from a step without any progress",
     layout.ENDLESS: f"needed more than {layout.MOST_ITERATIONS} event iterations",
     layout.TOO_LARGE: "cannot take an integer of more than 32 bits",
+    layout.CROWDED: f"has more than {layout.MOST_EVENTS} time events in one step",
 }
 # The words of the link that are addresses, and the functions' names in FMI 2 and FMI 3.
 _CALLED = {
@@ -59,7 +60,7 @@ class Instances:
     Making this calls nothing of the FMU, so that the process which does can be watched from here: see `trace`.
 
     fmu: a `cosim.fmu.importer.Fmu`. slave, calls: its block in the network and its rows in the table. arena: of this
-    run. wanted: the locals that somebody looks at. step: communication step (s). zeros: gives the memory of the trace.
+    run. loop: how it steps. wanted: the locals that somebody looks at. zeros: gives the memory of the trace.
     members: which of the slave's instances, from 0.
     """
 
@@ -71,7 +72,7 @@ class Instances:
         slave: Any,
         calls: Sequence[Any],
         arena: np.ndarray,
-        step: float,
+        loop: Loop,
         wanted: set[str],
         zeros: Callable[[int], np.ndarray] = private,
         members: range | None = None,
@@ -80,7 +81,7 @@ class Instances:
         self.slave = slave
         self.calls = calls
         self.arena = arena
-        self.step = step
+        self.loop = loop
         self.wanted = wanted
         self.members = range(slave.count) if members is None else members
         self.trace = Trace(fmu, slave, self.members, zeros)
@@ -99,6 +100,9 @@ class Instances:
         Raises: FmuError, TooManyInstances, SlaveFailed, WrongValue.
         """
         self.library = Library(self.fmu, self.trace)
+        self._alone = own()
+        self.link[layout.ALONE] = self._alone.ctypes.data
+        self.link[layout.LEAVE] = _c_function("_exit")
         self._claim()
         try:
             for k in range(len(self.members)):
@@ -138,29 +142,31 @@ class Instances:
         environment, log = self.trace.messages[k].environment, messages.logger(fmu.version)
         pointer, text, flag = ctypes.c_void_p, ctypes.c_char_p, ctypes.c_bool
         if fmu.version == 2:
-            library = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
-            calloc, free = (ctypes.cast(f, pointer).value for f in (library.calloc, library.free))
+            calloc, free = _c_function("calloc"), _c_function("free")
             callbacks = _Callbacks2(log, calloc, free, None, environment)
             self._keep.append(callbacks)
             kind = int(fmu.kind != layout.MODEL_EXCHANGE)
             make = ctypes.CFUNCTYPE(pointer, text, ctypes.c_int, text, text, pointer, ctypes.c_int, ctypes.c_int)
-            function = make(self._about_to(k, "Instantiate"))
             where = resources.resolve().as_uri().encode()
-            handle = function(name.encode(), kind, token, where, ctypes.addressof(callbacks), 0, logging)
+            arguments: tuple[Any, ...] = (name.encode(), kind, token, where, ctypes.addressof(callbacks), 0, logging)
+            function = "Instantiate"
         else:
             where = (str(resources.resolve()) + os.sep).encode()
             first = (name.encode(), token, where, False, bool(logging))
             if fmu.kind == layout.MODEL_EXCHANGE:
                 make = ctypes.CFUNCTYPE(pointer, text, text, text, flag, flag, pointer, pointer)
-                handle = make(self._about_to(k, "InstantiateModelExchange"))(*first, environment, log)
+                function, arguments = "InstantiateModelExchange", (*first, environment, log)
             else:
                 size = ctypes.c_size_t
                 kinds = (text, text, text, flag, flag, flag, flag, pointer, size, pointer, pointer, pointer)
                 make = ctypes.CFUNCTYPE(pointer, *kinds)
                 eventful = fmu.kind == layout.EVENT_CO_SIMULATION
                 early = eventful and bool(interface.mightReturnEarlyFromDoStep)
-                function = make(self._about_to(k, "InstantiateCoSimulation"))
-                handle = function(*first, eventful, early, None, 0, environment, log, None)
+                function = "InstantiateCoSimulation"
+                arguments = (*first, eventful, early, None, 0, environment, log, None)
+        address = self.library.address(function)
+        with self.trace.calling(k, address):
+            handle = make(address)(*arguments)
         if not handle:
             raise self.trace.failure(f"{self.library.prefix}Instantiate() gave no instance", k, 0.0)
         self.handles.append(handle)
@@ -208,17 +214,20 @@ class Instances:
 
     def _do(self, k: int, name: str, *arguments: int | float, about: str = "") -> None:
         """Call a function of instance k. Raises: SlaveFailed."""
-        status = invoke(self._about_to(k, name), (self.handles[k], *arguments))
-        if status > layout.WARNING:
+        status = self._invoke(k, name, *arguments)
+        if status == layout.WARNING:
+            self.link[layout.WARNINGS] += 1
+            self.link[layout.WARNED] = self.link[layout.WARNED] or k + 1
+        elif status != layout.OK:
             self.lost[k] = status
             on = f" for `{about}`" if about else ""
             raise self.trace.failure(f"{self.library.prefix}{name}(){on} returned {_status(status)}", k, 0.0)
 
-    def _about_to(self, k: int, name: str) -> int:
-        """The address of a function that is called for instance k next."""
+    def _invoke(self, k: int, name: str, *arguments: int | float) -> int:
+        """Call a function of instance k. Returns its status."""
         address = self.library.address(name)
-        self.trace.calling(k, address)
-        return address
+        with self.trace.calling(k, address):
+            return invoke(address, (self.handles[k], *arguments))
 
     # ---- linking ----
 
@@ -232,16 +241,21 @@ class Instances:
         fmu, count = self.fmu, len(self.members)
         indicators = fmu.description.numberOfEventIndicators if fmu.kind == layout.MODEL_EXCHANGE else 0
         old, states = self._array(count, max(1, indicators)), max(1, len(fmu.states))
+        ends, slopes = self._array(count, states), self._array(count, states)
         records = self._array(count, layout.RECORD_WORDS)
         records[:, layout.HANDLE] = np.array(self.handles, np.uint64).view(np.int64)
-        records[:, layout.INDICATOR_VALUES] = [row.ctypes.data for row in old]
+        for word, rows in ((layout.INDICATOR_VALUES, old), (layout.END_STATES, ends), (layout.SLOPES, slopes)):
+            records[:, word] = [row.ctypes.data for row in rows]
         link = self.link
         link[layout.VERSION], link[layout.KIND] = fmu.version, fmu.kind
         link[layout.RECORDS] = records.ctypes.data
         link[layout.STATES], link[layout.INDICATORS] = len(fmu.states), indicators
         link[layout.BUFFER] = self._array(states).ctypes.data
         link[layout.SIGNS] = self._array(max(1, indicators)).ctypes.data
-        link.view(np.float64)[layout.STEP] = self.step
+        link[layout.WORK] = self._array(2 * states).ctypes.data
+        link[layout.STAGES], link[layout.JOINT] = self.loop.stages, self.loop.joint
+        link[layout.ENDING] = self.loop.ending
+        link.view(np.float64)[[layout.STEP, layout.INNER_STEP]] = self.loop.step, self.loop.inner_step
         for word, names in _CALLED.items():
             if word in _needed(fmu):
                 link[word] = self.library.address(names[fmu.version - 2])
@@ -251,6 +265,9 @@ class Instances:
                 link[layout.COMPLETED_STEP] = self.library.address("CompletedIntegratorStep")
         elif fmu.kind == layout.EVENT_CO_SIMULATION:
             link[layout.LEAVE_EVENT_MODE] = self.library.address("EnterStepMode")
+        elif fmu.version == 2:
+            for word, name in ((layout.BOOLEAN_STATUS, "GetBooleanStatus"), (layout.REAL_STATUS, "GetRealStatus")):
+                link[word] = self.library.find(name)
 
     def _plan(self, call: Any) -> int:
         """The address of the table of what a call exchanges."""
@@ -317,10 +334,12 @@ class Instances:
 
     # ---- failing and closing ----
 
-    def failure(self, time: float) -> SlaveFailed:
+    def failure(self, time: float) -> CosimError:
         """What stopped the loop in one of the calls, as of the link."""
         k, status, failed = (int(self.link[w]) for w in (layout.INSTANCE, layout.STATUS, layout.FAILED))
         name = self._rows.get(int(self.link[layout.ROW]), "")
+        if failed == layout.TERMINATED:
+            return self.trace.termination(k)
         if failed in REASONS:
             return self.trace.failure(f"it {REASONS[failed]}" + (f": `{name}`" if name else ""), k, time)
         self.lost[k] = status
@@ -333,22 +352,33 @@ class Instances:
         if function != "fmi2DoStep" or self.lost[k] != layout.DISCARD:
             return ""
         last = ctypes.c_double()
-        status = invoke(self.library.address("GetRealStatus"), (self.handles[k], 2, ctypes.addressof(last)))
+        if not self.link[layout.REAL_STATUS]:
+            return ""
+        status = self._invoke(k, "GetRealStatus", 2, ctypes.addressof(last))
         return f", it got as far as t = {last.value:g} s" if status == layout.OK else ""
 
     def close(self, terminate: bool) -> None:
         """Terminate (if they were initialized) and free all instances, as far as their state allows."""
-        handles, self.handles = self.handles, []
         if self._claimed:
             with _lock:
                 _running[str(self.library.path)] -= self._claimed
             self._claimed = 0
         if layout.FATAL in self.lost.values():
+            self.handles = []
             return  # nothing may be called any more
-        for k, handle in enumerate(handles):
+        for k, handle in enumerate(self.handles):
             if terminate and self.lost.get(k, layout.OK) <= layout.DISCARD:
-                invoke(self._about_to(k, "Terminate"), (handle,))
-            ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._about_to(k, "FreeInstance"))(handle)
+                self._invoke(k, "Terminate")
+            address = self.library.address("FreeInstance")
+            with self.trace.calling(k, address):
+                ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)(handle)
+        self.handles = []
+
+
+def _c_function(name: str) -> int:
+    """The address of a function of the C library."""
+    library = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
+    return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
 
 
 def _task(kind: str, fmu_kind: int) -> int:

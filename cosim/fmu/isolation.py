@@ -16,6 +16,7 @@ import numpy as np
 from cosim import kernels
 from cosim.fmu import adapter, layout, mailbox
 from cosim.fmu.instance import Instances
+from cosim.hosts import Loop
 from cosim.memory import words_at
 
 _KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
@@ -78,14 +79,14 @@ def parts(
     slave: Any,
     calls: Sequence[Any],
     arena: np.ndarray,
-    step: float,
+    loop: Loop,
     wanted: set[str],
     zeros: Callable[[int], np.ndarray],
 ) -> list[Served]:
     """A server for all instances of a block, or one for each where a process may have only one."""
     once = fmu.interface.canBeInstantiatedOnlyOncePerProcess
     groups = [range(k, k + 1) for k in range(slave.count)] if once else [range(slave.count)]
-    servers = [Served(fmu, slave, calls, arena, step, wanted, zeros, members) for members in groups]
+    servers = [Served(fmu, slave, calls, arena, loop, wanted, zeros, members) for members in groups]
     link = zeros(8 * (mailbox.BOXES + len(servers))).view(np.int64)
     link[mailbox.SERVERS] = len(servers)
     link[mailbox.BOXES :] = [server.box.ctypes.data for server in servers]

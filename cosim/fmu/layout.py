@@ -10,7 +10,7 @@ OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 FAULT, COUNT, LINK, PLAN, FIRST = range(5)
 
 # What all calls of a block share. Functions are addresses, 0 where the FMU has none.
-LINK_WORDS = 32
+LINK_WORDS = 48
 (
     VERSION,
     KIND,
@@ -37,14 +37,45 @@ LINK_WORDS = 32
     INSTANCE,  # of which instance, from 0
     WARNINGS,
     CALLING,  # the address of the function that is being called, or was last
-    CALLED,  # how many calls there have been
-) = range(26)
+    CALLED,  # how often a call has begun or ended: odd inside one
+    WORK,  # twice the states, for an integration across time events
+    INNER_STEP,  # of the states' integration, a float64 (s)
+    STAGES,  # how often it asks for derivatives in one
+    JOINT,  # whether other blocks read outputs inside it
+    SPLITS,  # how many inner steps had time events in them
+    ENDING,  # the address of a word that tells the loop to do no step after this communication point
+    ENDED,  # the instance that asked for the end of the simulation, from 1; 0: none
+    ENDED_AT,  # when, a float64 (s)
+    BOOLEAN_STATUS,
+    REAL_STATUS,
+    WARNED,  # the instance that warned first, from 1
+    WARNED_AT,  # when, a float64 (s)
+    ALONE,  # the address of a word that is 0 in a process that the FMU has forked
+    LEAVE,  # the address of _exit()
+) = range(40)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
-NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE = -1, -2, -3, -4, -5
+NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 
 # One instance. INFO is four words for what a call hands back: fmi2EventInfo, and the same layout for FMI 3.
-RECORD_WORDS = 12
-HANDLE, MODE, STEPPED, EVENT_DUE, NEXT_DEFINED, NEXT, CHANGED, INDICATOR_VALUES, INFO = range(9)
+RECORD_WORDS = 20
+(
+    HANDLE,
+    MODE,
+    EVENT_DUE,
+    NEXT_DEFINED,  # whether there is a next time event
+    NEXT,  # its time, a float64 (s)
+    CHANGED,  # an event has set states
+    INDICATOR_VALUES,
+    CLOCK,  # Model Exchange: the time that the FMU was told last, a float64 (s)
+    HANDLED,  # when it was in Event Mode last, a float64 (s)
+    REACHED,  # the communication point whose events are handled, a float64 (s)
+    STAGE,  # of the integration, from 0
+    SPLIT,  # whether this inner step is done already, across time events
+    END_STATES,  # the address of the states at its end
+    SLOPES,  # the address of what then stands for the derivatives: the way there over the inner step
+    ENDS,  # it asked for the end of the simulation
+    INFO,
+) = range(16)
 RUNNING, EVENT = range(2)
 INFO_REAL = 24  # bytes from INFO to the number in it
 
@@ -58,6 +89,8 @@ FUNCTION, REFERENCES, N_REFERENCES, N_VALUES, SLOT, CODE, STAGING, SHADOW, BYTES
 PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed in STAGING
 
 MOST_ITERATIONS = 1000
+MOST_EVENTS = 1_000_000  # time events in one step
+ROUNDING = 1e-9  # of a communication step: what rounding may do to a time
 
 # What a call does for each instance.
 INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, HANDLE_EVENTS = range(8)

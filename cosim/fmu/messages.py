@@ -13,10 +13,12 @@ import numpy as np
 from cosim import compiler, native
 
 ENTRIES, ENTRY_BYTES, TEXT_BYTES = 16, 512, 504  # an entry is a status word and a text
-RING_BYTES = 8 + ENTRIES * ENTRY_BYTES
+FIRST_BYTES = 16  # how many messages there have been, and how many warnings; the first of these follows, then the ring
+RING_BYTES = FIRST_BYTES + TEXT_BYTES + ENTRIES * ENTRY_BYTES
 STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 # Both loggers claim an entry of the ring at %ring, which is the instance environment, and write status and text there.
+# The first warning's text is kept.
 _IR = """
 declare void @llvm.va_start(ptr)
 declare void @llvm.va_end(ptr)
@@ -27,12 +29,28 @@ define internal ptr @claim(ptr %ring, i32 %status) {{
   %count = atomicrmw add ptr %ring, i64 1 seq_cst
   %index = urem i64 %count, {entries}
   %place = mul i64 %index, {entry}
-  %first = getelementptr i8, ptr %ring, i64 8
-  %slot = getelementptr i8, ptr %first, i64 %place
+  %entries = getelementptr i8, ptr %ring, i64 {entries_at}
+  %slot = getelementptr i8, ptr %entries, i64 %place
   %word = zext i32 %status to i64
   store i64 %word, ptr %slot
   %text = getelementptr i8, ptr %slot, i64 8
   ret ptr %text
+}}
+
+define internal void @keep(ptr %ring, i32 %status, ptr %text) {{
+  %warns = icmp eq i32 %status, 1
+  br i1 %warns, label %count, label %done
+count:
+  %warnings = getelementptr i8, ptr %ring, i64 8
+  %before = atomicrmw add ptr %warnings, i64 1 seq_cst
+  %is_first = icmp eq i64 %before, 0
+  br i1 %is_first, label %copy, label %done
+copy:
+  %first = getelementptr i8, ptr %ring, i64 {first_at}
+  %copied = call ptr @strncpy(ptr %first, ptr %text, i64 {last})
+  br label %done
+done:
+  ret void
 }}
 
 define void @log2(ptr %ring, ptr %name, i32 %status, ptr %category, ptr %format, ...) {{
@@ -42,12 +60,14 @@ define void @log2(ptr %ring, ptr %name, i32 %status, ptr %category, ptr %format,
   {load}
   %n = call i32 @vsnprintf(ptr %text, i64 {size}, ptr %format, ptr {arguments})
   call void @llvm.va_end(ptr %list)
+  call void @keep(ptr %ring, i32 %status, ptr %text)
   ret void
 }}
 
 define void @log3(ptr %ring, i32 %status, ptr %category, ptr %message) {{
   %text = call ptr @claim(ptr %ring, i32 %status)
   %copied = call ptr @strncpy(ptr %text, ptr %message, i64 {last})
+  call void @keep(ptr %ring, i32 %status, ptr %text)
   ret void
 }}
 """
@@ -59,6 +79,8 @@ def _library() -> native.Library:
     by_pointer = "windows" in triple or ("darwin" in triple and "arm64" in triple)  # va_list is a plain pointer there
     ir = _IR.format(
         entries=ENTRIES,
+        entries_at=FIRST_BYTES + TEXT_BYTES,
+        first_at=FIRST_BYTES,
         entry=ENTRY_BYTES,
         size=TEXT_BYTES,
         last=TEXT_BYTES - 1,
@@ -80,6 +102,16 @@ class Messages:
         self._ring = ring.view(np.int64)
 
     @property
+    def warnings(self) -> int:
+        """How many of all messages were warnings."""
+        return int(self._ring[1])
+
+    @property
+    def first_warning(self) -> str:
+        """The text of the first warning."""
+        return _text(self.environment + FIRST_BYTES)
+
+    @property
     def environment(self) -> int:
         """What the FMU hands back to its logger."""
         return self._ring.ctypes.data
@@ -89,9 +121,14 @@ class Messages:
         count = int(self._ring[0])
         found = []
         for k in range(max(0, count - ENTRIES), count):
-            at = self.environment + 8 + (k % ENTRIES) * ENTRY_BYTES
+            at = self.environment + FIRST_BYTES + TEXT_BYTES + (k % ENTRIES) * ENTRY_BYTES
             status = ctypes.c_int64.from_address(at).value
-            text = ctypes.string_at(at + 8).decode("utf-8", "replace").strip()
-            found.append((status, text))
+            found.append((status, _text(at + 8)))
         telling = [pair for pair in found if pair[0] > 0] or found
         return [f"{STATUS[s] if 0 <= s < len(STATUS) else s}: {text}" for s, text in telling[-most:]]
+
+
+def _text(address: int) -> str:
+    """A message in the ring, on one line, without what a terminal would obey."""
+    raw = ctypes.string_at(address, TEXT_BYTES).partition(b"\0")[0].decode("utf-8", "replace")
+    return " ".join("".join(c if c.isprintable() else " " for c in raw).split())

@@ -5,12 +5,15 @@ Written just before each call of the FMU, and by its logger, so that it is true 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from cosim.errors import SlaveCrashed, SlaveFailed, SlaveHung
+from cosim import floating
+from cosim.errors import CosimError, SlaveCrashed, SlaveFailed, SlaveHung, Terminated
 from cosim.fmu import layout, messages
 
 _NAMES, _NAME_BYTES = 64, 56
@@ -42,15 +45,25 @@ class Trace:
         """What a function is called."""
         return next((row["name"].decode() for row in self._names if address and row["address"] == address), "")
 
-    def calling(self, k: int, address: int) -> None:
-        """Note that a function of instance k is about to be called."""
+    @contextmanager
+    def calling(self, k: int, address: int) -> Iterator[None]:
+        """Inside, a function of instance k is called (0: the library is loaded or left). See `values.bad`."""
         self.link[layout.INSTANCE], self.link[layout.CALLING] = k, address
+        owner = os.getpid()
         self.link[layout.CALLED] += 1
+        try:
+            with floating.kept():
+                yield
+        finally:
+            if os.getpid() != owner:
+                os._exit(0)
+            self.link[layout.CALLED] += 1
 
     @property
-    def activity(self) -> int:
-        """A number that changes with every call of the FMU."""
-        return int(self.link[layout.CALLED])
+    def activity(self) -> int | None:
+        """A number that changes with every call of the FMU; None while none is under way."""
+        called = int(self.link[layout.CALLED])
+        return called if called % 2 else None
 
     @property
     def failed(self) -> bool:
@@ -61,10 +74,57 @@ class Trace:
         self, text: str, k: int, time: float, kind: type[SlaveFailed] = SlaveFailed, fix: str = ""
     ) -> SlaveFailed:
         """What went wrong with instance k at a time (s), with its last messages."""
-        member = f", {self.slave.fleet} {self.members[k] + 1}" if self.slave.fleet else ""
-        message = f"block {self.slave.name} ({self.fmu.name}{member}) failed at t = {time:g} s: {text}"
-        message += "".join(f"\n    it says {line}" for line in self.messages[k].last())
+        message = f"block {self.slave.name} ({self._who(k)}) failed at t = {time:g} s: {text}{self._words(k)}"
         return kind(message, self.slave.entry.type.position, fix)
+
+    def _who(self, k: int) -> str:
+        """The file, and which member of a fleet."""
+        return self.fmu.name + (f", {self.slave.fleet} {self.members[k] + 1}" if self.slave.fleet else "")
+
+    def _words(self, k: int) -> str:
+        """The last messages of an instance."""
+        return "".join(f"\n    it says {line}" for line in self.messages[k].last())
+
+    @property
+    def terminated(self) -> bool:
+        """Whether an instance asked for the end of the simulation at a communication point."""
+        return bool(self.link[layout.ENDED])
+
+    def warnings(self) -> list[CosimError]:
+        """What the instances warned of, and what was done to them that they may not have been made for."""
+        texts = [text for text in (self._warned(), self._blurred()) if text]
+        return [CosimError(f"block {self.slave.name} {text}", self.slave.entry.type.position) for text in texts]
+
+    def _warned(self) -> str:
+        """How often instances warned, who did first and when, and with what words."""
+        calls, logged = int(self.link[layout.WARNINGS]), sum(m.warnings for m in self.messages)
+        if not calls and not logged:
+            return ""
+        talkers = [k for k, m in enumerate(self.messages) if m.warnings]
+        k = int(self.link[layout.WARNED]) - 1 if self.link[layout.WARNED] else talkers[0]
+        first = f"first at t = {self._real(layout.WARNED_AT):g} s"
+        parts = [f"{_times(calls, 'call')} returned a warning, {first}"] if calls else []
+        parts += [f"{_times(logged, 'warning')} logged"] if logged else []
+        said = next((self.messages[j].first_warning for j in (k, *talkers) if self.messages[j].warnings), "")
+        return f"({self._who(k)}): {'; '.join(parts)}" + (f"\n    it says first: {said}" if said else "")
+
+    def _blurred(self) -> str:
+        """Of time events where the loop's method is less accurate than it is elsewhere."""
+        splits = int(self.link[layout.SPLITS])
+        if not splits or not self.link[layout.JOINT] or self.link[layout.STAGES] == 1:
+            return ""
+        steps = _times(splits, "step")
+        return f"({self.fmu.name}): time events inside {steps}, in whose stages other blocks saw its outputs of the end"
+
+    def _real(self, word: int) -> float:
+        return float(self.link.view(np.float64)[word])
+
+    def termination(self, k: int | None = None) -> Terminated:
+        """Who asked for the end of the simulation, and when; k: the instance, if it was within a step."""
+        k = int(self.link[layout.ENDED]) - 1 if k is None else k
+        time = self._real(layout.ENDED_AT)
+        message = f"block {self.slave.name} ({self._who(k)}) ended the simulation at t = {time:g} s"
+        return Terminated(message + self._words(k), self.slave.entry.type.position)
 
     def ended(self, how: str, hung: bool, time: float) -> SlaveFailed:
         """How the process of these instances ended: in the function that was called last, or while loading."""
@@ -74,3 +134,7 @@ class Trace:
         if hung:
             return self.failure(f"{how}{where}", k, time, SlaveHung, "where it only is slow, raise `run.patience` (s)")
         return self.failure(f"{how}{where}", k, time, SlaveCrashed)
+
+
+def _times(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.fmu.layout import (
+    ALONE,
     BOOLEAN32,
     BYTES,
     CALLED,
@@ -21,6 +22,7 @@ from cosim.fmu.layout import (
     HANDLE,
     INPUTS,
     INTEGER32,
+    LEAVE,
     N_INPUTS,
     N_OUTPUTS,
     N_REFERENCES,
@@ -48,10 +50,16 @@ _LARGEST32 = 0x7FFFFFFF
 
 
 def bad(link: Any, function: int, arguments: Any) -> bool:
-    """Call a C function. Returns whether its status is worse than a warning, and keeps both."""
+    """Call a C function. Returns whether its status is worse than a warning, and keeps both.
+
+    A process that the FMU forks there may run a program of its own, but goes no further here.
+    """
     link[CALLING] = function
     link[CALLED] += 1
     status = invoke(function, arguments)
+    if words_at(link[ALONE], 1)[0] == 0:
+        invoke(link[LEAVE], (0,))
+    link[CALLED] += 1
     if status == WARNING:
         link[WARNINGS] += 1
     elif status != OK:

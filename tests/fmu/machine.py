@@ -1,4 +1,4 @@
-"""Builds the test FMU `machine.c` with the C compiler, as FMI 2.0 or 3.0, and packs it with a description."""
+"""Builds test FMUs from C with the C compiler, as FMI 2.0 or 3.0, and packs them with a description."""
 
 from __future__ import annotations
 
@@ -73,32 +73,62 @@ ITEMS = '<Item name="red" value="1"/><Item name="blue" value="2"/>'
 DERIVATIVES = ("der(h)", "der(x)", "der(v)")  # not in the order of the variables
 
 
+@dataclass(frozen=True)
+class Model:
+    """What a description says beside the variables; derivatives: their names in the order of the state vector."""
+
+    name: str
+    variables: tuple[V, ...]
+    derivatives: tuple[str, ...] = ()
+    indicators: tuple[int, ...] = ()  # value references
+
+
+def machine(version: int) -> Model:
+    """The FMU of `machine.c`."""
+    return Model("machine", VARIABLES + (VARIABLES3 if version == 3 else ()), DERIVATIVES, (6,))
+
+
 def build(folder: Path, version: int, kinds: str = "me cs", flags: str = "", edit=lambda xml: xml) -> Path:
     """`machine<version>.fmu` in the folder. flags: attributes of the kinds; edit: changes the description's text."""
+    return pack(folder, version, machine(version), SOURCE, kinds, flags, edit)
+
+
+def pack(
+    folder: Path,
+    version: int,
+    model: Model,
+    source: Path,
+    kinds: str = "me cs",
+    flags: str = "",
+    edit=lambda xml: xml,
+    options: tuple[str, ...] = (),
+) -> Path:
+    """`<name><version>.fmu` of a C source. options: more of the compiler's."""
     if shutil.which("gcc") is None:
         import pytest
 
         pytest.skip("there is no C compiler")
     folder.mkdir(parents=True, exist_ok=True)
-    library = folder / "machine.so"
-    options = ["-shared", "-fPIC", "-O2", "-ffp-contract=off", f"-DFMI={version}", f"-I{HEADERS}", "-w"]
-    subprocess.run(["gcc", *options, str(SOURCE), "-o", str(library), "-lm"], check=True)
-    path = folder / f"machine{version}.fmu"
+    library = folder / f"{model.name}.so"
+    plain = ["-shared", "-fPIC", "-O2", "-ffp-contract=off", f"-DFMI={version}", f"-I{HEADERS}", "-w"]
+    subprocess.run(["gcc", *plain, *options, str(source), "-o", str(library), "-lm"], check=True)
+    path = folder / f"{model.name}{version}.fmu"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.write(library, f"binaries/{FOLDERS[version]}/machine.so")
-        archive.writestr("modelDescription.xml", edit(description(version, kinds, flags)))
+        archive.write(library, f"binaries/{FOLDERS[version]}/{model.name}.so")
+        archive.writestr("modelDescription.xml", edit(description(version, kinds, flags, model)))
     return path
 
 
-def description(version: int, kinds: str = "me cs", flags: str = "") -> str:
+def description(version: int, kinds: str = "me cs", flags: str = "", model: Model | None = None) -> str:
     """The model description."""
+    model = model or machine(version)
     names = {"me": "ModelExchange", "cs": "CoSimulation"}
-    interfaces = "".join(f'<{names[k]} modelIdentifier="machine" {flags}/>' for k in kinds.split())
-    return (_description2 if version == 2 else _description3)(interfaces)
+    interfaces = "".join(f'<{names[k]} modelIdentifier="{model.name}" {flags}/>' for k in kinds.split())
+    return (_description2 if version == 2 else _description3)(interfaces, model)
 
 
-def _description2(interfaces: str) -> str:
-    variables = [V("time", 0, "Float64", "independent"), *VARIABLES]
+def _description2(interfaces: str, model: Model) -> str:
+    variables = [V("time", 0, "Float64", "independent"), *model.variables]
     index = {v.name: k + 1 for k, v in enumerate(variables)}
 
     def scalar(v: V) -> str:
@@ -119,10 +149,11 @@ def _description2(interfaces: str) -> str:
     known = {v.name: v for v in variables}
     outputs = [v for v in variables if v.causality == "output"]
     initial = sorted((v for v in variables if v.initial == "calculated"), key=lambda v: index[v.name])
-    structure = unknowns("Outputs", outputs) + unknowns("Derivatives", [known[d] for d in DERIVATIVES])
+    structure = unknowns("Outputs", outputs) + unknowns("Derivatives", [known[d] for d in model.derivatives])
     structure += unknowns("InitialUnknowns", initial)
     return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="2.0" modelName="machine" guid="machine" numberOfEventIndicators="1">
+<fmiModelDescription fmiVersion="2.0" modelName="{model.name}" guid="{model.name}"
+ numberOfEventIndicators="{len(model.indicators)}">
 {interfaces}
 <UnitDefinitions><Unit name="m"/><Unit name="s"/></UnitDefinitions>
 <TypeDefinitions><SimpleType name="Color"><Enumeration>{ITEMS}</Enumeration></SimpleType></TypeDefinitions>
@@ -132,8 +163,8 @@ def _description2(interfaces: str) -> str:
 </fmiModelDescription>"""
 
 
-def _description3(interfaces: str) -> str:
-    variables = [V("time", 0, "Float64", "independent"), *VARIABLES, *VARIABLES3]
+def _description3(interfaces: str, model: Model) -> str:
+    variables = [V("time", 0, "Float64", "independent"), *model.variables]
     reference = {v.name: v.reference for v in variables}
 
     def variable(v: V) -> str:
@@ -153,11 +184,11 @@ def _description3(interfaces: str) -> str:
 
     named = {v.name: v for v in variables}
     rows = [unknown("Output", v) for v in variables if v.causality == "output"]
-    rows += [unknown("ContinuousStateDerivative", named[d]) for d in DERIVATIVES]
+    rows += [unknown("ContinuousStateDerivative", named[d]) for d in model.derivatives]
     rows += [unknown("InitialUnknown", v) for v in variables if v.initial == "calculated"]
-    rows += ['<EventIndicator valueReference="6"/>']
+    rows += [f'<EventIndicator valueReference="{reference}"/>' for reference in model.indicators]
     return f"""<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="3.0" modelName="machine" instantiationToken="machine">
+<fmiModelDescription fmiVersion="3.0" modelName="{model.name}" instantiationToken="{model.name}">
 {interfaces}
 <UnitDefinitions><Unit name="m"/><Unit name="s"/></UnitDefinitions>
 <TypeDefinitions><EnumerationType name="Color">{ITEMS}</EnumerationType></TypeDefinitions>

@@ -82,9 +82,11 @@ def test_refused_states_stop_the_run(failing, kind, mode):
 
 @pytest.mark.parametrize(("kind", "mode"), [*CS[1:], ME[0]])
 def test_the_end_that_an_fmu_asks_for_is_the_end(failing, kind, mode):
-    outcome, _ = failing(kind, mode, END)
-    assert "asked for the end of the simulation" in str(outcome.error)
-    assert outcome.status == "failed"
+    outcome, recorded = failing(kind, mode, END)
+    assert (outcome.status, outcome.error) == ("terminated", None)
+    assert (outcome.steps, len(recorded)) == (50, 51)
+    told = str(outcome.warnings[-1])
+    assert f"block plant (machine{kind[0]}.fmu, robot 2) ended the simulation at t = 0.5 s" in told
 
 
 def test_a_step_without_progress_stops_the_run(failing):
@@ -96,6 +98,11 @@ def test_a_step_without_progress_stops_the_run(failing):
 def test_warnings_continue(failing, kind, mode):
     outcome, recorded = failing(kind, mode, WARN)
     assert (outcome.status, outcome.error, len(recorded)) == ("completed", None, 101)
+    told = [w.message for w in outcome.warnings if "warning" in w.message]
+    assert len(told) == 1
+    calls = r"[1-9]\d* calls returned a warning, first at t = 0.(49|5) s; " if mode == "co-simulation" else ""
+    assert re.search(rf"block plant \(machine{kind[0]}.fmu, robot 2\): {calls}[1-9]\d* warnings logged", told[0])
+    assert re.search(r"it says first: just a warning at 0.\d+, in state \d \(Bob\)", told[0])
 
 
 def test_a_step_that_returns_early_is_continued_to_its_end(machines, partners, trajectories):

@@ -1,0 +1,345 @@
+"""Model Exchange: the FMU has states and events, the loop has the integrators.
+
+An FMU's clock never passes its next time event. Where one lies inside the inner step that the loop is about to do, the
+step is done here: with the loop's own method exactly to the event, through it, and on to the end, with the inputs held.
+The loop then gets the way over the inner step as its derivatives, and the exact states as soon as it asks again. So
+this works under every method, and what is between two events is integrated as ever.
+
+A function here returns whether it failed; the link then says where.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim.fmu.event_mode import enter_event_mode, leave_event_mode, reals_of, settle
+from cosim.fmu.layout import (
+    BUFFER,
+    BYTES,
+    CHANGED,
+    CLOCK,
+    COMPLETED_STEP,
+    CROWDED,
+    DERIVATIVE_MAP,
+    END_STATES,
+    ENDS,
+    EVENT_DUE,
+    GET_DERIVATIVES,
+    GET_INDICATORS,
+    GET_STATES,
+    HANDLE,
+    HANDLED,
+    INDICATOR_VALUES,
+    INDICATORS,
+    INNER_STEP,
+    INPUTS,
+    LINK,
+    LINK_WORDS,
+    MOST_EVENTS,
+    N_INPUTS,
+    NEXT,
+    NEXT_DEFINED,
+    REACHED,
+    ROUNDING,
+    ROW_WORDS,
+    SET_STATES,
+    SET_TIME,
+    SHADOW,
+    SIGNS,
+    SLOPES,
+    SLOT,
+    SPLIT,
+    SPLITS,
+    STAGE,
+    STAGES,
+    STATE_MAP,
+    STATES,
+    STEP,
+    TERMINATED,
+    WORK,
+)
+from cosim.fmu.values import bad, differs, give_up, set_inputs, set_value
+from cosim.memory import integers_at, reals_at, words_at
+
+# ---- what the loop asks for ----
+
+
+def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Set time, states and inputs. Discrete inputs may be set in Event Mode only, and only if they have changed."""
+    if r[ENDS] != 0:
+        return False
+    done = r[SPLIT] != 0 and r[STAGE] != 0  # the inner step whose stages the loop goes through
+    if not done and set_time_and_states(time, base, link, plan, f, r, info, k):
+        return True
+    changed = False
+    for i in range(plan[N_INPUTS]):
+        address = plan[INPUTS] + i * ROW_WORDS * 8
+        row = words_at(address, ROW_WORDS)
+        at = base + f[row[SLOT]] + k * f[row[SLOT] + 1]
+        if row[SHADOW] != 0:
+            changed |= differs(at, row[SHADOW] + k * row[BYTES], row[BYTES])
+        elif set_value(link, row, address, r[HANDLE], at, k):
+            return True
+    if done or not changed:
+        return False
+    r[EVENT_DUE] = 0
+    if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
+        return True
+    return finish_event(base, link, plan, f, r, info, k)
+
+
+def differentiate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """The derivatives of a stage of the integration to the arena."""
+    stage, source = r[STAGE], r[SLOPES]
+    if stage == 0 or r[SPLIT] == 0:
+        if prepare(time, base, link, plan, f, r, info, k):
+            return True
+        if r[ENDS] != 0:
+            return give_up(link, TERMINATED, 0)
+        if stage == 0 and has_event_before(r, info, time + number(f, INNER_STEP) - ROUNDING * number(f, STEP)):
+            if split(time, base, link, plan, f, r, info, k):
+                return True
+        else:
+            source = link[BUFFER]
+            if bad(link, link[GET_DERIVATIVES], (r[HANDLE], source, link[STATES])):
+                return True
+    r[STAGE] = (stage + 1) % link[STAGES]
+    scatter(base, link, plan[DERIVATIVE_MAP], f, k, source)
+    return False
+
+
+def events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Handle what a communication point finds: the FMU's own wish, indicators' signs, time events."""
+    numbers = reals_of(info)
+    if r[ENDS] != 0 or not time > numbers[REACHED]:
+        return False
+    numbers[REACHED] = time
+    if set_time_and_states(time, base, link, plan, f, r, info, k) or complete_step(link, r, info):
+        return True
+    if r[ENDS] != 0:
+        return False
+    if watch_indicators(link, r):
+        return True
+    for _ in range(MOST_EVENTS):
+        due = numbers[NEXT]
+        if r[NEXT_DEFINED] != 0 and due <= time + ROUNDING * number(f, STEP):
+            r[EVENT_DUE] = 1
+            if due > numbers[CLOCK] and tell_time(due, link, r, info):
+                return True
+        if r[EVENT_DUE] == 0:
+            return False
+        r[EVENT_DUE] = 0
+        if enter_event_mode(link, r, info) or finish_event(base, link, plan, f, r, info, k):
+            return True
+        if r[ENDS] != 0 or not numbers[NEXT] > due:
+            return False
+    return give_up(link, CROWDED, 0)
+
+
+# ---- time ----
+
+
+def number(f: Any, word: int) -> float:
+    """A word of the link that is a float64."""
+    return reals_at(f[LINK], LINK_WORDS)[word]
+
+
+def tell_time(time: float, link: Any, r: Any, info: int) -> bool:
+    """Set the FMU's clock, as it is."""
+    reals_of(info)[CLOCK] = time
+    return bad(link, link[SET_TIME], (r[HANDLE], time))
+
+
+def set_time(time: float, link: Any, r: Any, info: int) -> bool:
+    """Set the FMU's clock, but not past its next time event, nor back before the last one."""
+    numbers = reals_of(info)
+    time = max(time, numbers[HANDLED])
+    return tell_time(numbers[NEXT] if has_event_before(r, info, time) else time, link, r, info)
+
+
+def has_event_before(r: Any, info: int, time: float) -> bool:
+    """Whether the next time event comes before a time (s). One that does not lie ahead of the last event is none."""
+    numbers = reals_of(info)
+    return r[NEXT_DEFINED] != 0 and numbers[HANDLED] < numbers[NEXT] < time
+
+
+def catch_up(time: float, link: Any, r: Any, info: int) -> bool:
+    """Handle the time events before a time (s), each at its own, of an FMU without states."""
+    for _ in range(MOST_EVENTS):
+        if not has_event_before(r, info, time):
+            return False
+        if tell_time(reals_of(info)[NEXT], link, r, info) or pass_event(link, r, info):
+            return True
+    return give_up(link, CROWDED, 0)
+
+
+# ---- an inner step with time events in it ----
+
+
+def split(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Do an inner step from `time`: to each time event in it, through the event, and on to the end."""
+    x, slopes, n = reals_at(r[END_STATES], link[STATES]), reals_at(r[SLOPES], link[STATES]), link[STATES]
+    step = number(f, INNER_STEP)
+    end, limit = time + step, time + step - ROUNDING * number(f, STEP)
+    gather(base, link, plan[STATE_MAP], f, k)
+    buffer = reals_at(link[BUFFER], n)
+    for j in range(n):
+        x[j] = slopes[j] = buffer[j]
+    link[SPLITS] += 1
+    now = time
+    for _ in range(MOST_EVENTS):
+        if not has_event_before(r, info, limit):
+            if flow(now, end, link, r, info):
+                return True
+            for j in range(n):
+                slopes[j] = (x[j] - slopes[j]) / step
+            r[SPLIT] = 1
+            return False
+        event = max(now, reals_of(info)[NEXT])
+        if event > now and flow(now, event, link, r, info):
+            return True
+        now = event
+        if pass_event(link, r, info):
+            return True
+        if r[CHANGED] != 0:
+            r[CHANGED] = 0
+            if bad(link, link[GET_STATES], (r[HANDLE], r[END_STATES], n)):
+                return True
+    return give_up(link, CROWDED, 0)
+
+
+def pass_event(link: Any, r: Any, info: int) -> bool:
+    """Handle a time event between two communication points, where the FMU cannot end the simulation in peace."""
+    if complete_step(link, r, info) or watch_indicators(link, r):
+        return True
+    r[EVENT_DUE] = 0
+    if r[ENDS] == 0 and (enter_event_mode(link, r, info) or settle(link, r, info)):
+        return True
+    if r[ENDS] != 0:
+        return give_up(link, TERMINATED, 0)
+    if leave_event_mode(link, r) or watch_indicators(link, r):
+        return True
+    r[EVENT_DUE] = 0
+    return False
+
+
+def flow(begin: float, end: float, link: Any, r: Any, info: int) -> bool:
+    """Integrate END_STATES from a time to another without events between, by one step of the loop's method."""
+    n, h = link[STATES], end - begin
+    x, d = reals_at(r[END_STATES], n), reals_at(link[BUFFER], n)
+    start, total = reals_at(link[WORK], n), reals_at(link[WORK] + 8 * n, n)
+    if slopes_at(begin, link, r, info):
+        return True
+    for j in range(n):
+        start[j] = x[j]
+        total[j] = d[j]
+        x[j] = start[j] + (h if link[STAGES] == 1 else 0.5 * h) * d[j]
+    for stage in range(1, link[STAGES]):
+        if slopes_at(end if stage == 3 else begin + 0.5 * h, link, r, info):
+            return True
+        for j in range(n):
+            total[j] += (1.0 if stage == 3 else 2.0) * d[j]
+            x[j] = start[j] + (h if stage == 2 else 0.5 * h) * d[j]
+        if stage == 3:
+            for j in range(n):
+                x[j] = start[j] + h / 6.0 * total[j]
+    return set_time(end, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], r[END_STATES], n))
+
+
+def slopes_at(time: float, link: Any, r: Any, info: int) -> bool:
+    """The derivatives at a time (s) and END_STATES, to the buffer."""
+    if set_time(time, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], r[END_STATES], link[STATES])):
+        return True
+    return bad(link, link[GET_DERIVATIVES], (r[HANDLE], link[BUFFER], link[STATES]))
+
+
+# ---- states ----
+
+
+def set_time_and_states(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Set the time and the continuous states that the call reads."""
+    n = link[STATES]
+    if n == 0:
+        return catch_up(time - ROUNDING * number(f, STEP), link, r, info) or set_time(time, link, r, info)
+    if r[SPLIT] != 0:
+        r[SPLIT] = 0
+        scatter(base, link, plan[STATE_MAP], f, k, r[END_STATES])
+    gather(base, link, plan[STATE_MAP], f, k)
+    return set_time(time, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], link[BUFFER], n))
+
+
+def gather(base: int, link: Any, map: int, f: Any, k: int) -> None:
+    """The states of instance k, from the arena to the buffer."""
+    n = link[STATES]
+    places, buffer = words_at(map, 2 * n), words_at(link[BUFFER], n)
+    for j in range(n):
+        slot = places[2 * j]
+        buffer[j] = words_at(base + f[slot] + k * f[slot + 1] + 8 * places[2 * j + 1], 1)[0]
+
+
+def scatter(base: int, link: Any, map: int, f: Any, k: int, source: int) -> None:
+    """States or derivatives of instance k, from an address to the arena."""
+    n = link[STATES]
+    places, values = words_at(map, 2 * n), words_at(source, n)
+    for j in range(n):
+        slot = places[2 * j]
+        words_at(base + f[slot] + k * f[slot + 1] + 8 * places[2 * j + 1], 1)[0] = values[j]
+
+
+def pull_states(base: int, link: Any, plan: Any, f: Any, r: Any, k: int) -> bool:
+    """The FMU's states to the arena."""
+    r[CHANGED] = 0
+    n = link[STATES]
+    if n == 0:
+        return False
+    if bad(link, link[GET_STATES], (r[HANDLE], link[BUFFER], n)):
+        return True
+    scatter(base, link, plan[STATE_MAP], f, k, link[BUFFER])
+    return False
+
+
+# ---- events ----
+
+
+def complete_step(link: Any, r: Any, info: int) -> bool:
+    """Tell an FMU that wants to know that the integration has come this far; EVENT_DUE if it wants an event."""
+    r[EVENT_DUE] = 0
+    if link[COMPLETED_STEP] == 0:
+        return False
+    flags = integers_at(info, 2)
+    flags[0] = flags[1] = 0
+    if bad(link, link[COMPLETED_STEP], (r[HANDLE], 1, info, info + 4)):
+        return True
+    r[ENDS], r[EVENT_DUE] = flags[1], flags[0]
+    return False
+
+
+def watch_indicators(link: Any, r: Any) -> bool:
+    """Get the event indicators; EVENT_DUE if one has changed its sign since they were got last."""
+    n = link[INDICATORS]
+    if n == 0:
+        return False
+    if bad(link, link[GET_INDICATORS], (r[HANDLE], link[SIGNS], n)):
+        return True
+    new, old = reals_at(link[SIGNS], n), reals_at(r[INDICATOR_VALUES], n)
+    for j in range(n):
+        if (new[j] > 0.0) != (old[j] > 0.0):
+            r[EVENT_DUE] = 1
+        old[j] = new[j]
+    return False
+
+
+def finish_event(base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Event iteration, and back to Continuous-Time Mode with the states that the event has set."""
+    if settle(link, r, info):
+        return True
+    if r[ENDS] != 0:
+        return r[CHANGED] != 0 and pull_states(base, link, plan, f, r, k)
+    if leave_event_mode(link, r):
+        return True
+    if r[CHANGED] != 0 and pull_states(base, link, plan, f, r, k):
+        return True
+    if watch_indicators(link, r):
+        return True
+    r[EVENT_DUE] = 0
+    return False

@@ -1,0 +1,31 @@
+"""The test FMU `stair.c`, whose counter steps upwards at time events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.fmu import machine
+from tests.fmu.machine import Model, V
+
+SOURCE = Path(__file__).with_name("stair.c")
+PARAMETERS = (
+    V("period", 5, "Float64", "parameter", "1", "fixed"),
+    V("jump", 6, "Float64", "parameter", "0", "fixed"),
+    V("last", 8, "Int32", "parameter", str(1 << 30), "fixed"),
+)
+COUNTER = (
+    V("u", 1, "Float64", "input", "0"),
+    V("y", 4, "Float64", "output", initial="calculated", depends=("u",)),
+    V("counter", 7, "Int32", "output", None, "discrete", "calculated"),
+)
+STATE = (
+    V("x", 2, "Float64", "output", "0", initial="exact"),
+    V("der(x)", 3, "Float64", "local", derivative="x", initial="calculated", depends=("u",)),
+)
+
+
+def build(folder: Path, version: int, states: int) -> Path:
+    """The FMU with `states` (0 or 1) continuous states."""
+    variables = COUNTER + PARAMETERS + (STATE if states else ())
+    model = Model("stair", variables, ("der(x)",) if states else ())
+    return machine.pack(folder, version, model, SOURCE, options=(f"-DSTATES={states}",))

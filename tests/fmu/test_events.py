@@ -1,0 +1,132 @@
+"""Time events of Model Exchange are handled at their own time, under every method, and the end that an FMU asks for.
+
+`stair.c` refuses to be integrated beyond an event, and handles one at its own time only.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cosim import cli, results, run
+from cosim.run import Run
+from tests.fmu import stair
+
+STAIR = """
+run: {{stop: {stop}, step: {step}, method: {method}, integrator: {integrator}, inner_steps: {inner}}}
+fleets: {{robot: 2}}
+blocks:
+  plant:
+    fmu: {fmu}
+    mode: {mode}
+    per: robot
+    start: {{u: 0.5}}
+    parameters: {{period: [1, 0.7], jump: {jump}, last: {last}}}
+"""
+METHODS = [(m, i) for m in ("jacobi", "gauss-seidel", "joint") for i in ("euler", "rk4")]
+
+
+@pytest.fixture(scope="session")
+def stairs(tmp_path_factory):
+    """The FMU by version and number of states."""
+    folder = tmp_path_factory.mktemp("stairs")
+    return {(v, n): stair.build(folder / f"{v}{n}", v, n) for v in (2, 3) for n in (0, 1)}
+
+
+@pytest.fixture
+def diagram(stairs, write):
+    """Write a diagram with two stairs."""
+
+    def text(version: int, states: int, **more):
+        usual = {"stop": 6, "step": 0.3, "method": "jacobi", "integrator": "euler", "inner": 1, "jump": 0}
+        usual |= {"mode": "model-exchange", "last": 1 << 30, "fmu": stairs[version, states]}
+        return write(STAIR.format(**(usual | more)))
+
+    return text
+
+
+def counted(times: np.ndarray, period: float) -> np.ndarray:
+    """1, and one more from each multiple of the period on; what rounding does to a time is no matter."""
+    return 1 + np.floor(times / period + 1e-9)
+
+
+def integral(times: np.ndarray, period: float, jump: float) -> np.ndarray:
+    """The integral of the counter and of 0.5, with a jump at each event."""
+    past = counted(times, period) - 1
+    return 0.5 * times + times + past * times - period * past * (past + 1) / 2 + jump * past
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize(("method", "integrator"), METHODS)
+@pytest.mark.parametrize(("step", "inner"), [(0.3, 1), (0.3, 3), (2.0, 1), (0.1, 1)])
+def test_time_events_between_points_are_handled(
+    diagram, trajectories, version, method, integrator, step, inner, engine
+):
+    for states in (0, 1):
+        path = diagram(version, states, method=method, integrator=integrator, step=step, inner=inner, jump=0.25)
+        got = trajectories(run.load(path), "plant.counter", *["plant.x"] * states, engine=engine)
+        times = step * np.arange(len(got["plant.counter"]))
+        for robot, period in enumerate((1, 0.7)):
+            assert np.array_equal(got["plant.counter"][:, robot], counted(times, period))
+            if states:  # constant between events, so that every method is exact up to rounding
+                assert got["plant.x"][:, robot] == pytest.approx(integral(times, period, 0.25), rel=1e-13, abs=1e-13)
+
+
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
+def test_a_neighbour_of_an_event_keeps_its_bits(diagram, trajectories, stairs, method):
+    """The states of robot 1 and of a native block are those of a run in which robot 2 has no event."""
+    path = diagram(3, 1, method=method, step=0.25)
+    calm = trajectories(run.load(path, ["blocks.plant.parameters.period=[1,1e9]"]), "plant.x")
+    got = trajectories(run.load(path, ["blocks.plant.parameters.period=[1,0.7]"]), "plant.x")
+    assert np.array_equal(calm["plant.x"][:, 0], got["plant.x"][:, 0])
+    assert not np.array_equal(calm["plant.x"][:, 1], got["plant.x"][:, 1])
+
+
+def test_stages_that_see_the_end_of_a_step_are_told(diagram):
+    outcome = Run(run.load(diagram(3, 1, method="joint", integrator="rk4"))).execute()
+    told = [str(w) for w in outcome.warnings if "time events" in str(w)]
+    assert len(told) == 1 and "stair3.fmu" in told[0]
+    outcome = Run(run.load(diagram(3, 1, method="joint"))).execute()
+    assert not [w for w in outcome.warnings if "time events" in str(w)]
+
+
+# ---- the end of the simulation ----
+
+
+@pytest.mark.parametrize(
+    ("version", "states", "mode"),
+    [(v, n, "model-exchange") for v in (2, 3) for n in (0, 1)] + [(v, 1, "co-simulation") for v in (2, 3)],
+)
+@pytest.mark.parametrize("isolated", ["false", "true"])
+def test_an_end_at_a_point_keeps_its_sample(diagram, tmp_path, capfd, version, states, mode, isolated):
+    path = diagram(version, states, mode=mode, step=0.25, last=4)
+    output = tmp_path / "result.nc"
+    settings = [f"blocks.plant.isolate={isolated}", "blocks.plant.parameters.period=[1,1e9]"]
+    settings += ["record.period=0.25", "record.signals=[plant.counter]"]
+    code = cli.main(["run", str(path), "--json", "-o", str(output), *(w for s in settings for w in ("--set", s))])
+    told = json.loads(capfd.readouterr().out)
+    assert (code, told["status"]) == (1, "terminated")
+    assert "error" not in told
+    ended = [w for w in told["warnings"] if "ended the simulation at t = 3 s" in w]
+    assert len(ended) == 1 and f"block plant (stair{version}.fmu, robot 1)" in ended[0]
+    with results.open_result(output) as result:
+        assert result.attrs["status"] == "terminated"
+        assert np.array_equal(result.times, 0.25 * np.arange(13))
+        assert np.array_equal(result["plant.counter"][:, 0], counted(np.array(result.times), 1))
+
+
+@pytest.mark.parametrize(
+    ("version", "mode"), [(2, "model-exchange"), (3, "model-exchange"), (2, "co-simulation"), (3, "co-simulation")]
+)
+def test_an_end_within_a_step_keeps_the_sample_before_it(diagram, version, mode):
+    outcome = Run(run.load(diagram(version, 1, mode=mode, last=5), ["blocks.plant.parameters.period=1"])).execute()
+    assert (outcome.status, outcome.steps, outcome.error) == ("terminated", 13, None)
+    assert "ended the simulation at t = 4 s" in str(outcome.warnings[-1])
+
+
+def test_an_end_at_the_end_is_completion(diagram):
+    outcome = Run(run.load(diagram(3, 1, last=4, stop=3), ["blocks.plant.parameters.period=1"])).execute()
+    assert (outcome.status, outcome.steps) == ("completed", 10)
