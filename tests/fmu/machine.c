@@ -68,7 +68,9 @@ static int faulty(Machine *m, int fault) { return m->fault == fault && m->time >
 static void misbehave(int fault) {
     switch (fault) {
     case F_SEGFAULT: *(volatile int *)8 = 1; break;
-    case F_HANG: for (volatile int k = 0;; k++) {}
+    case F_HANG: /* tell the test that waits for it */
+        if (getenv("MACHINE_HANGS")) fclose(fopen(getenv("MACHINE_HANGS"), "w"));
+        for (volatile int k = 0;; k++) {}
     case F_ABORT: abort();
     case F_EXIT: exit(3);
     case F_CLOSE: for (int file = 3; file < 1024; file++) close(file);
