@@ -1,12 +1,12 @@
 """Two results side by side: their metrics, and the first time and signal at which they part.
 
 Only samples that both have are compared, at the times of the first one; two runs with different recording periods are
-compared where they meet.
+compared where they meet. Signals and metrics that only one of them has, and an earlier end, are differences too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,8 @@ class Parting:
 class Comparison:
     """What two results have in common. parted: bit by bit; beyond: by more than the tolerance of the comparison.
 
-    only: the signals that one of the two has alone; samples: how many times both have.
+    only: the signals that one of the two has alone; samples: how many times both have; figures: the metrics that
+    differ by more than the tolerance; ends: the last times (s), if one result could have gone on as far as the other.
     """
 
     paths: tuple[Path, Path]
@@ -40,9 +41,16 @@ class Comparison:
     samples: int
     signals: list[str]
     only: tuple[list[str], list[str]]
+    figures: list[str]
+    ends: tuple[float, float] | None = None
     parted: Parting | None = None
     beyond: Parting | None = None
     largest: tuple[str, float] = ("", 0.0)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the results have the same signals, metrics and end, within the tolerance."""
+        return not (self.beyond or self.figures or any(self.only) or self.ends)
 
 
 def compare(first: Path, second: Path, tolerance: float = 1e-6) -> Comparison:
@@ -58,10 +66,31 @@ def compare(first: Path, second: Path, tolerance: float = 1e-6) -> Comparison:
             what = "time" if shared else "signal"
             raise ResultError(f"{first} and {second} have no {what} in common", fix="compare runs of one diagram")
         metrics = a.attrs.get("metrics", {}), b.attrs.get("metrics", {})
-        result = Comparison((first, second), metrics, len(here), shared, (own[0], own[1]))
+        figures = [name for name in dict.fromkeys((*metrics[0], *metrics[1])) if not _close(name, *metrics, tolerance)]
+        result = Comparison((first, second), metrics, len(here), shared, (own[0], own[1]), figures)
+        result.ends = _ends(a.times, b.times)
         for name in shared:
             _compare_signal(result, name, a.read(name)[here], b.read(name)[there], a.times[here], tolerance)
     return result
+
+
+def _close(name: str, first: Mapping[str, Any], second: Mapping[str, Any], tolerance: float) -> bool:
+    """Whether both have a metric, within the tolerance of the larger one."""
+    if name not in first or name not in second:
+        return False
+    a, b = first[name], second[name]
+    numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in (a, b))
+    return a == b or (numbers and abs(a - b) <= tolerance * max(abs(a), abs(b)))
+
+
+def _ends(a: np.ndarray, b: np.ndarray) -> tuple[float, float] | None:
+    """The last times, if the shorter result would have had another sample by the end of the longer one."""
+    shorter, longer = (a, b) if a[-1] < b[-1] else (b, a)
+    period = shorter[-1] - shorter[-2] if len(shorter) > 1 else 0.0
+    missing = longer[-1] - shorter[-1] - period
+    tolerance = TIME_TOLERANCE * max(1.0, longer[-1])
+    cut = longer[-1] - shorter[-1] > tolerance and missing > -tolerance
+    return (float(a[-1]), float(b[-1])) if cut else None
 
 
 def _common(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,8 +148,13 @@ def lines(result: Comparison, tolerance: float) -> Iterator[str]:
     for path, names in zip(result.paths, result.only, strict=True):
         if names:
             yield f"only in {path}: {', '.join(names)}"
+    if result.ends:
+        yield f"{one} ends at {result.ends[0]:.6g} s, {two} at {result.ends[1]:.6g} s"
+    if result.figures:
+        yield f"metrics that differ by more than {tolerance:g}: {', '.join(result.figures)}"
     if result.parted is None:
-        yield f"{one} and {two} are the same, bit by bit"
+        same = f"{one} and {two} are the same, bit by bit"
+        yield same if result.agrees else "in what both have recorded they are the same, bit by bit"
         return
     yield f"they part at t = {result.parted.time:g} s: {_values(result.parted)}"
     if result.beyond is None:

@@ -18,7 +18,7 @@ import platform
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim import files
 from cosim.errors import ResultError, nearest
 from cosim.metrics import for_json
 
@@ -43,6 +44,7 @@ WAITING_BYTES = 32 * 1024**2
 INDEX_BYTES, NODE_BYTES = 256, 8 * 1024  # at most, of HDF5's index: for a chunk, and for a new node
 CLOSING_BYTES = 256 * 1024  # for the attributes written last
 CSV_ROWS = 1024
+CSV_HEAD = 1 << 24  # characters of the first line that are looked at, to tell whose table it is
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 FIXES = {
     "full": "free some space, record fewer signals, or record with a longer period",
@@ -79,9 +81,9 @@ class ResultWriter:
     """Writes one result file; as a context manager it closes the file with the status that the way out implies.
 
     The file is made under a hidden name and takes the place of an older result only when it can be opened; the older
-    one is renamed to `<stem>.previous.nc`.
+    one stays as `<stem>.previous.nc`.
 
-    Raises: ResultError if the file cannot be written, or if something else than a netCDF-4 file stands there.
+    Raises: ResultError if the file cannot be written, or if something else than a result stands there.
     """
 
     def __init__(self, path: str | Path, signals: Sequence[Signal], attributes: Mapping[str, Any]) -> None:
@@ -90,13 +92,11 @@ class ResultWriter:
         self._waiting: list[tuple[Array, dict[str, Array]]] = []
         self._waiting_bytes = 0
         self._count = 0
-        _refuse_foreign(self.path)
+        refuse_foreign(self.path)
         with _as_result_error("write", self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with _fresh(self.path) as fresh:
-                fresh.write_bytes(self._image(attributes))
-                if self.path.exists():
-                    os.replace(self.path, previous_path(self.path))
+            with files.fresh(self.path, keep=previous_path(self.path)) as new:
+                new.write_bytes(self._image(attributes))
             self._open()
 
     def append(self, times: Array, samples: Mapping[str, Array]) -> None:
@@ -251,7 +251,7 @@ class Result:
         with _as_result_error("read", self.path):
             self._file = h5py.File(self.path, "r", locking=False)
             self.attrs = {key: _read_attribute(key, value) for key, value in self._file.attrs.items()}
-            if "status" not in self.attrs or "time" not in self._file:
+            if not _is_result(self._file):
                 raise ResultError(f"{self.path} is no result of a run", fix=FIXES["read"])
             variables = [v for v in self._file.values() if "signal" in v.attrs]
             self._variables = {variable.attrs["signal"]: variable for variable in variables}
@@ -293,13 +293,53 @@ def read_metrics(path: str | Path) -> dict[str, Any]:
         return result.attrs.get("metrics", {})
 
 
+def refuse_foreign(path: Path) -> None:
+    """Raises: ResultError where something stands that is no result."""
+    files.refuse_foreign(path, "a result of a run", is_result)
+
+
+def is_result(path: Path) -> bool:
+    """Whether a file is a result; looks at its head only."""
+    import h5py
+
+    with path.open("rb") as file:
+        if file.read(len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
+            return False
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            return _is_result(file)
+    except (OSError, RuntimeError):
+        return False
+
+
+def _is_result(file: Any) -> bool:
+    return "status" in file.attrs and "time" in file
+
+
+def refuse_foreign_csv(path: Path) -> None:
+    """Raises: ResultError where something stands that `write_csv` did not write."""
+    files.refuse_foreign(path, "a table of a run's signals", _is_our_csv)
+
+
+def _is_our_csv(path: Path) -> bool:
+    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+        first, *columns = next(csv.reader([file.readline(CSV_HEAD)]))
+    return first == "time" and all("." in column for column in columns)
+
+
 def write_csv(path: str | Path, result: Result) -> None:
     """All signals of a result as one table: a row a sample, a column an element, `plant.x[1,2]` counting from 1.
 
-    Floats are written with as many digits as it takes to read back the same float. Raises: ResultError.
+    Floats are written with as many digits as it takes to read back the same float. It replaces another such table, and
+    nothing else. Raises: ResultError.
     """
     path = Path(path)
-    with _as_result_error("write", path), _fresh(path) as fresh, fresh.open("x", newline="", encoding="utf-8") as file:
+    refuse_foreign_csv(path)
+    with (
+        _as_result_error("write", path),
+        files.fresh(path) as new,
+        new.open("x", newline="", encoding="utf-8") as file,
+    ):
         table = csv.writer(file)
         table.writerow(["time", *(column for signal in result.signals.values() for column in _columns(signal))])
         for first in range(0, len(result.times), CSV_ROWS):
@@ -368,25 +408,6 @@ def _write_attributes(file: Any, attributes: Mapping[str, Any]) -> None:
 
 def _read_attribute(key: str, value: Any) -> Any:
     return json.loads(value) if key in JSON_ATTRIBUTES else for_json(value)
-
-
-def _refuse_foreign(path: Path) -> None:
-    """A result may take the place of a result, never of anything else that a slip of the hand named."""
-    with _as_result_error("read", path), path.open("rb") if path.is_file() else nullcontext() as file:
-        ours = file.read(len(HDF5_SIGNATURE)) == HDF5_SIGNATURE if file else not path.exists()
-    if not ours:
-        raise ResultError(f"{path} exists and is not a netCDF-4 file", fix="choose another name for the results")
-
-
-@contextmanager
-def _fresh(path: Path) -> Iterator[Path]:
-    """A hidden name beside `path`; what was written there takes the place of `path` if the block succeeds."""
-    fresh = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
-    try:
-        yield fresh
-        os.replace(fresh, path)
-    finally:
-        fresh.unlink(missing_ok=True)
 
 
 @contextmanager

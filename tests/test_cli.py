@@ -153,6 +153,25 @@ def test_an_unwritable_result_is_named(cosim, write, tmp_path):
     assert code == 2 and "folder" in err and "Traceback" not in err
 
 
+@pytest.mark.parametrize("option", ["-o", "--csv"])
+def test_a_run_never_replaces_what_is_not_its_own(cosim, write, option):
+    """The diagram itself, say; and it is said before anything runs."""
+    path = write(SMALL)
+    text = path.read_text()
+    code, out, err = cosim("run", path, option, path)
+    assert code == 2 and out == "" and f"{path} exists and is not a" in err and "choose another name" in err
+    assert path.read_text() == text
+    for _ in range(2):
+        assert cosim("run", path, "-o", "again.nc", "--csv", "again.csv")[0] == 0
+
+
+@pytest.mark.parametrize("name", ["x" * 300 + ".nc", "x" * 250 + ".nc", "file/run.nc", "a\0b.nc"])
+def test_a_result_with_an_impossible_name(cosim, write, tmp_path, name):
+    (tmp_path / "file").write_text("no folder")
+    code, _, err = cosim("run", write(SMALL), "-o", name)
+    assert code == 2 and "cannot write" in err and "Traceback" not in err
+
+
 def test_check_shows_blocks_wires_and_order(cosim, write):
     code, out, _ = cosim("check", write(SMALL))
     assert code == 0 and "2 × Lag" in out and "u ← source.y" in out

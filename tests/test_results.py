@@ -16,7 +16,7 @@ import pytest
 import xarray
 
 from cosim.errors import ResultError
-from cosim.results import ResultWriter, Signal, open_result, previous_path, read_metrics, write_csv
+from cosim.results import CLOSING_BYTES, ResultWriter, Signal, open_result, previous_path, read_metrics, write_csv
 
 SIGNALS = [
     Signal("plant.x", (6, 3), float, "robot", ("m", "m", "rad"), "position and heading", "output"),
@@ -31,6 +31,10 @@ ATTRIBUTES = {
     "method": "jacobi",
     "engine": "compiled",
 }
+
+
+ROW_BYTES = 8 + 18 * 8 + 6 + 4 * 4 + 8
+ATTRIBUTES_BYTES = 400_000
 
 
 def samples(first, last):
@@ -269,9 +273,56 @@ def test_only_results_are_replaced(tmp_path):
     path = tmp_path / "diagram.yaml"
     path.write_text("title: precious")
     for target in (path, tmp_path):
-        with pytest.raises(ResultError, match="not a netCDF-4 file"):
+        with pytest.raises(ResultError, match="exists and is not a result"):
             ResultWriter(target, SIGNALS, ATTRIBUTES)
     assert path.read_text() == "title: precious" and list(tmp_path.iterdir()) == [path]
+    foreign = tmp_path / "measured.nc"
+    with h5py.File(foreign, "w") as file:
+        file["voltage"] = 3
+    with pytest.raises(ResultError, match="exists and is not a result"):
+        ResultWriter(foreign, SIGNALS, ATTRIBUTES)
+    empty = tmp_path / "empty.nc"
+    empty.touch()
+    check_samples(write(empty, 10), 10)
+
+
+@pytest.mark.parametrize("text", ["title: precious", "time,voltage\n0,1\n", "name\n"])
+def test_only_tables_of_signals_are_replaced_by_csv(tmp_path, text):
+    table = tmp_path / "table.csv"
+    table.write_text(text)
+    with open_result(write(tmp_path / "run.nc", 3)) as result:
+        with pytest.raises(ResultError, match="exists and is not a table of a run's signals"):
+            write_csv(table, result)
+        assert table.read_text() == text
+        table.unlink()
+        for _ in range(2):
+            write_csv(table, result)
+        assert len(table.read_text().splitlines()) == 4
+
+
+def test_a_closed_file_has_no_space_set_aside(tmp_path):
+    """While a run goes on, space is reserved beyond what is written."""
+    path = tmp_path / "run.nc"
+    writer = ResultWriter(path, SIGNALS, ATTRIBUTES)
+    writer.append(*samples(0, 1500))
+    writer.flush()
+    assert path.stat().st_size > CLOSING_BYTES
+    writer.close("completed")
+    with h5py.File(path) as file:
+        assert path.stat().st_size == file.id.get_filesize()
+    assert path.stat().st_size < ATTRIBUTES_BYTES + 2 * 1500 * ROW_BYTES
+
+
+def test_a_writer_killed_between_two_variables_leaves_the_rows_that_all_have(tmp_path):
+    path = write(tmp_path / "run.nc", 30)
+    with h5py.File(path, "r+") as file:
+        for name, count in (("plant.x", 50), ("count.k", 40)):
+            file[name].resize(count, axis=0)
+    check_samples(path, 30)
+    with h5py.File(path, "r+") as file:
+        file["time"].resize(60, axis=0)
+        file["plant.touching"].resize(20, axis=0)
+    check_samples(path, 20)
 
 
 def test_a_folder_that_cannot_be_made_or_written(tmp_path):
@@ -338,14 +389,23 @@ def test_csv_that_cannot_be_written(tmp_path):
         write_csv(tmp_path / "no" / "run.csv", result)
 
 
-def test_recording_is_fast(tmp_path):
-    """20 signals of six robots, 3,000 samples: 0.05 s were measured; a warm run has 2 s for everything."""
+def test_recording_costs_little_more_than_the_bytes(tmp_path):
+    """Time of the processor, beside plain h5py writing the same numbers: five times as much was measured."""
     signals = [Signal(f"b{q}.x", (6, 3), float, "robot", "m") for q in range(20)]
     times, x = np.arange(3000) * 1e-2, np.random.default_rng(0).normal(size=(3000, 6, 3))
-    taken = []
-    for _ in range(3):
-        began = time.perf_counter()
+
+    def ours():
         with ResultWriter(tmp_path / "run.nc", signals, ATTRIBUTES) as writer:
             writer.append(times, {s.name: x for s in signals})
-        taken.append(time.perf_counter() - began)
-    assert min(taken) < 0.2
+
+    def plain():
+        with h5py.File(tmp_path / "plain.h5", "w") as file:
+            for signal in signals:
+                file[signal.name] = x
+
+    taken = {}
+    for work in (ours, plain) * 5:
+        began = time.process_time()
+        work()
+        taken.setdefault(work, []).append(time.process_time() - began)
+    assert min(taken[ours]) < 15 * min(taken[plain])

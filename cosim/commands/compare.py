@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
+from typing import Any
 
 from cosim import comparison
 from cosim.comparison import Comparison
+from cosim.exits import DIFFERENT, DONE
 from cosim.metrics import for_json
 from cosim.study import display
 from cosim.study.tables import Table
@@ -19,27 +22,42 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("first", type=Path, metavar="A.nc", help="a result")
     parser.add_argument("second", type=Path, metavar="B.nc", help="the result that it is compared with")
     help_ = "relative to a signal's largest value (default: 1e-6)"
-    parser.add_argument("--tolerance", type=float, default=1e-6, metavar="X", help=help_)
+    parser.add_argument("--tolerance", type=_tolerance, default=1e-6, metavar="X", help=help_)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print metrics with their differences, and the first time and signal at which the results part."""
+    """Print metrics with their differences, and where the results part. 1 where they differ beyond the tolerance."""
     result = comparison.compare(options.first, options.second, options.tolerance)
     if options.json:
-        content = {
-            "same": result.parted is None,
+        content: dict[str, Any] = {
+            "same": result.parted is None and result.agrees,
+            "agree": result.agrees,
             "parted": result.parted and vars(result.parted),
             "beyond": result.beyond and vars(result.beyond),
             "metrics": list(result.metrics),
+            "only": list(result.only),
+            "ends": result.ends,
+            "figures": result.figures,
         }
         print(json.dumps(for_json(content), ensure_ascii=False))
-        return 0
+        return _exit_code(result)
     display.show(_metrics(result))
     print()
     for line in comparison.lines(result, options.tolerance):
         print(line)
-    return 0
+    return _exit_code(result)
+
+
+def _exit_code(result: Comparison) -> int:
+    return DONE if result.agrees else DIFFERENT
+
+
+def _tolerance(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < math.inf:
+        raise ValueError(text)
+    return value
 
 
 def _metrics(result: Comparison) -> Table:

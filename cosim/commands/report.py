@@ -18,8 +18,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run what is not done, and write the report."""
-    studies = [command.run(path, options) for path in options.study]
-    default = options.results / (options.study[0].stem if len(studies) == 1 else "") / "report.html"
-    document.write(options.output or default, studies)
-    print(f"reported in {options.output or default}")
+    output = (
+        options.output or options.results / (options.study[0].stem if len(options.study) == 1 else "") / "report.html"
+    )
+    document.refuse_foreign(output)
+    document.write(output, [command.run(path, options) for path in options.study])
+    print(f"reported in {output}")
     return 0

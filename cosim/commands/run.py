@@ -28,8 +28,11 @@ def run(options: argparse.Namespace) -> int:
     """Run the diagram; 0 only if it completed."""
     network = load_network(options)
     output = options.output or Path("results") / f"{options.diagram.stem}.nc"
+    results.refuse_foreign(output)
+    if options.csv:
+        results.refuse_foreign_csv(options.csv)
+    previous = results.read_metrics(output) if output.exists() and output.stat().st_size else None
     run = Run(network, options.engine, output, options.began)
-    previous = results.read_metrics(output) if output.exists() else None
     with terminal.Progress(network.diagram.run.stop) as progress:
         outcome = run.execute(progress.update)
     if options.csv:

@@ -7,17 +7,19 @@ import re
 import tempfile
 import uuid
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from cosim import diagram, wiring
-from cosim.errors import NotExportable, nearest
+from cosim import diagram, files, wiring
+from cosim.errors import NotExportable, ResultError, nearest
 from cosim.fmu import build, description, subnetwork
 from cosim.fmu.model import Model, describe
 from cosim.network import Network
 
 VERSIONS = ("2.0", "3.0")
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # in the archive, so that the same blocks give the same file
+DESCRIPTION_HEAD = 64 * 1024  # bytes of a description, in which it says what tool made it
 
 
 def export(
@@ -33,7 +35,8 @@ def export(
     Blocks that are all mapped by the same fleet are exported as one member of it, with the values of number `member`
     (from 1) as start values; a mixture is exported with arrays over the fleet. Returns the path written.
     platforms: names of `build.PLATFORMS`; this machine's, if none are given.
-    Raises: DiagramErrors, UnknownBlock, NotExportable, WrongValue, KernelError, CompilerMissing, BuildFailed.
+    Raises: DiagramErrors, UnknownBlock, NotExportable, WrongValue, KernelError, CompilerMissing, BuildFailed,
+    ResultError where something stands at `output` that this function did not write.
     """
     if fmi_version not in VERSIONS:
         raise NotExportable(f"FMI {fmi_version} cannot be written", fix=nearest(fmi_version, VERSIONS))
@@ -41,6 +44,7 @@ def export(
     if not isinstance(diagram_or_path, Network):
         diagram_or_path = wiring.wire(diagram.load(diagram_or_path))
     output = Path(output)
+    refuse_foreign(output)
     model = describe(subnetwork.cut(diagram_or_path, blocks, member), _identifier(output.stem))
     token = _token(model, fmi_version)
     objects = build.Objects()
@@ -51,6 +55,19 @@ def export(
             members[f"binaries/{platform.folder(fmi_version)}/{library.name}"] = library.read_bytes()
     _pack(output, members)
     return output
+
+
+def refuse_foreign(output: Path) -> None:
+    """Raises: ResultError where something stands that `export` did not write."""
+    files.refuse_foreign(output, "an FMU of this program", _is_ours)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
+            return f'generationTool="{description.TOOL}"'.encode() in file.read(DESCRIPTION_HEAD)
+    except (zipfile.BadZipFile, KeyError, EOFError, zlib.error):
+        return False
 
 
 def _identifier(name: str) -> str:
@@ -68,7 +85,12 @@ def _token(model: Model, version: str) -> str:
 
 
 def _pack(output: Path, members: dict[str, bytes]) -> None:
-    output.parent.mkdir(parents=True, exist_ok=True)
-    with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in members.items():
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+    """Raises: ResultError."""
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with files.fresh(output) as new, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in members.items():
+                archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+    except OSError as error:
+        fix = "choose a folder that you may write to"
+        raise ResultError(f"cannot write {output}: {error.strerror}", fix=fix) from None

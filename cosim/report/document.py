@@ -14,6 +14,7 @@ from string import Template
 
 import numpy as np
 
+from cosim import files
 from cosim.errors import Problems, ResultError
 from cosim.plot import distribution, figures
 from cosim.plot.figures import Figure
@@ -27,9 +28,14 @@ from cosim.study.model import Study
 from cosim.study.running import Results
 from cosim.study.tables import Table
 
+HEAD_BYTES = 4096  # of a page, in which it says what made it
+
 
 def write(path: Path, studies: Sequence[Results]) -> None:
-    """Write the report of some studies that have been run. Raises: ResultError, PlotError, DiagramErrors."""
+    """Write the report of some studies that have been run, in the place of an older one.
+
+    Raises: ResultError, PlotError, DiagramErrors.
+    """
     title = studies[0].study.title if len(studies) == 1 else "Report"
     sections = [_section(results) for results in studies]
     links = [f'<a href="#{_anchor(results)}">{escape(results.study.title)}</a>' for results in studies]
@@ -40,13 +46,25 @@ def write(path: Path, studies: Sequence[Results]) -> None:
         contents="".join(links) if len(links) > 1 else "",
         sections="\n".join(sections),
     )
+    refuse_foreign(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        with files.fresh(path) as new:
+            new.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ResultError(
             f"cannot write {path}: {error.strerror}", fix="choose a folder that you may write to"
         ) from None
+
+
+def refuse_foreign(path: Path) -> None:
+    """Raises: ResultError where something stands that `write` did not write."""
+    files.refuse_foreign(path, "a report of this program", _is_ours)
+
+
+def _is_ours(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b'<meta name="generator" content="cosim">' in file.read(HEAD_BYTES)
 
 
 def _facts() -> str:

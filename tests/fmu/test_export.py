@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
 from cosim import run, simulation, table
+from cosim.errors import ResultError
 from cosim.fmu.export import export
 from cosim.network import Network, Signal
 from cosim.simulation import Probes, Simulation
@@ -286,3 +288,19 @@ def test_members_of_a_fleet_depend_on_themselves_only(fmus):
     assert found["filter.y[3,1]"] == {f"{s}[3,{q}]" for s in ("robot.x", "filter.z") for q in (1, 2)}
     assert found["mean.mean[1]"] == {f"robot.x[{i},{q}]" for i in (1, 2, 3) for q in (1, 2)}
     host.free()
+
+
+def test_an_export_replaces_its_own_fmu_and_nothing_else(network, fmus, folder):
+    own = fmus("filter", "3.0")
+    content = own.read_bytes()
+    own.write_bytes(content)
+    assert export(network, ["filter"], own, "3.0", member=2).read_bytes() == content
+    foreign = folder / "foreign.fmu"
+    with zipfile.ZipFile(foreign, "w") as archive:
+        archive.writestr("modelDescription.xml", '<fmiModelDescription generationTool="another"/>')
+    for path in (network.diagram.path, foreign, folder):
+        before = path.read_bytes() if path.is_file() else None
+        with pytest.raises(ResultError, match="exists and is not an FMU of this program"):
+            export(network, ["filter"], path)
+        assert (path.read_bytes() if path.is_file() else None) == before
+    assert not [p for p in folder.iterdir() if p.name.startswith(".")]

@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from cosim.cli import main
+from cosim.errors import ResultError
 from cosim.report import document, words
 from tests.study.conftest import DIAGRAM, STUDY, written
 
@@ -114,3 +115,12 @@ def test_failed_runs_are_counted_with_their_reasons(results, tmp_path):
     assert "not finite" in text and "(base-1)" in text
     document.write(tmp_path / "report.html", [done])
     assert "not finite" in (tmp_path / "report.html").read_text()
+    document.write(tmp_path / "report.html", [done])
+
+
+def test_a_report_takes_no_place_but_that_of_a_report(tmp_path):
+    page = tmp_path / "index.html"
+    page.write_text("<html><title>mine</title></html>")
+    with pytest.raises(ResultError, match="exists and is not a report"):
+        document.write(page, [])
+    assert page.read_text() == "<html><title>mine</title></html>"

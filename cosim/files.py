@@ -1,0 +1,63 @@
+"""Files that appear whole or not at all, and never in the place of what this program did not write."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cosim.errors import ResultError
+
+
+@contextmanager
+def fresh(path: Path, keep: Path | None = None) -> Iterator[Path]:
+    """A hidden name beside `path`; what was written there takes the place of `path` if the block succeeds.
+
+    keep: where the file that stood at `path` stays. At every instant there is a file called `path`, if there was one.
+    """
+    new = _hidden(path)
+    try:
+        yield new
+        if keep and path.exists():
+            _second_name(path, keep)
+        os.replace(new, path)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def refuse_foreign(path: Path, what: str, ours: Callable[[Path], bool]) -> None:
+    """A file of ours may take the place of one of its kind or of an empty one, of nothing else that a slip may name.
+
+    what: the kind in words; ours: whether a file is one. Raises: ResultError.
+    """
+    try:
+        found = path.stat()
+        mine = stat.S_ISREG(found.st_mode) and (found.st_size == 0 or ours(path))
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    except (OSError, ValueError) as error:  # a ValueError for a NUL in the name
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ResultError(f"cannot write {path}: {reason}", fix="choose another name") from None
+    if not mine:
+        fix = "choose another name, or remove it if you mean it"
+        raise ResultError(f"{path} exists and is not {what}: it is not replaced", fix=fix)
+
+
+def _hidden(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.urandom(4).hex()}")
+
+
+def _second_name(path: Path, keep: Path) -> None:
+    """Have the file at `path` stand at `keep` too; a copy where the file system has no links."""
+    second = _hidden(keep)
+    try:
+        try:
+            os.link(path, second)
+        except OSError:
+            shutil.copy2(path, second)
+        os.replace(second, keep)
+    finally:
+        second.unlink(missing_ok=True)
