@@ -26,6 +26,7 @@ from cosim.errors import (
 from cosim.grammar import Reader
 from cosim.overlay import apply_settings, apply_swaps, read_layers
 from cosim.source import Node, describe
+from cosim.swaps import Swap
 
 __all__ = ["BlockEntry", "Diagram", "MetricEntry", "Record", "RunSettings", "load"]
 
@@ -84,7 +85,7 @@ class Diagram:
 
     inputs: the ports that each input of the diagram drives where it is a block of another; outputs: the port that each
     output shows. files: all that were read, the diagram's own first. unread: the blocks that mistakes keep from being
-    understood, so that a wire to one is no further mistake.
+    understood, so that a wire to one is no further mistake. swaps: of blocks that are diagrams.
     """
 
     title: str
@@ -98,6 +99,7 @@ class Diagram:
     inputs: dict[str, list[Node]]
     outputs: dict[str, Node]
     unread: set[str]
+    swaps: list[Swap]
 
     def resolved(self) -> str:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
@@ -154,7 +156,7 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     metrics = {name: _metric(name, node, network, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}
     blocks, inputs, outputs, unread = network.blocks, network.inputs, network.outputs, network.unread
-    return Diagram(title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread)
+    return Diagram(title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, network.swaps)
 
 
 def _run(tree: Node, reader: Reader) -> RunSettings:

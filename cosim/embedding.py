@@ -27,6 +27,10 @@ from cosim.errors import (
 from cosim.grammar import Reader, endpoint
 from cosim.overlay import merge, read_layers
 from cosim.source import Node
+from cosim.swaps import Swap, settle_diagram
+
+_HANDED = ("parameters", "start", "dimensions")
+"""What a diagram that is a block hands on to the blocks inside it, by `inner.name`."""
 
 
 @dataclass
@@ -34,6 +38,7 @@ class Network:
     """The blocks of a diagram and its own ports.
 
     shown: the outputs of each diagram that was unfolded. unread: the blocks that could not be understood.
+    swaps: of blocks that are diagrams.
     """
 
     blocks: dict[str, BlockEntry] = field(default_factory=dict)
@@ -41,6 +46,7 @@ class Network:
     outputs: dict[str, Node] = field(default_factory=dict)
     shown: dict[str, dict[str, Node]] = field(default_factory=dict)
     unread: set[str] = field(default_factory=set)
+    swaps: list[Swap] = field(default_factory=list)
 
     def rewired(self, node: Node, problems: Problems) -> Node:
         """A source, or a list of them, with an output of an unfolded diagram replaced by the inner port."""
@@ -118,6 +124,9 @@ def _unfold(
         return
     names = {name: f"{outer.name}/{name}" for name in inner.blocks}
     blocks = {name: _renamed(entry, names, outer, reader.problems) for name, entry in inner.blocks.items()}
+    handed = {s: {k for k in getattr(outer, s) if endpoint(k)[0] in blocks} for s in _HANDED}
+    swap = settle_diagram(outer, {**handed, "inputs": inner.inputs}, reader.problems)
+    network.swaps += [*inner.swaps, *([swap] if swap else [])]
     _hand_values(outer, blocks, reader.problems)
     _hand_wires(outer, inner, blocks, reader.problems)
     network.shown[outer.name] = {port: _moved(node, names) for port, node in inner.outputs.items()}
@@ -162,13 +171,13 @@ def _moved(node: Node, names: Mapping[str, str]) -> Node:
 
 def _hand_values(outer: BlockEntry, blocks: dict[str, BlockEntry], problems: Problems) -> None:
     """Give each `inner.name: value` of the outer block to the inner block."""
-    for section in ("parameters", "start", "dimensions"):
+    for section in _HANDED:
         for key, node in getattr(outer, section).items():
             inner, name = endpoint(key)
             if inner in blocks and name:
                 block = blocks[inner]
                 setattr(block, section, {**getattr(block, section), name: node})
-            elif not node.inherited:
+            else:
                 fix = nearest(inner, blocks) if name else f"write inner.{key}, where inner is a block of the diagram"
                 message = f"block `{outer.name}`: the diagram has no block `{inner}`"
                 problems.add(UnknownParameter(message if name else f"{message[:-1]}.…` in `{key}`", node.place, fix))
@@ -189,6 +198,6 @@ def _hand_wires(outer: BlockEntry, inner: Network, blocks: dict[str, BlockEntry]
             elif name in outer.inputs:
                 blocks[block].inputs = {**blocks[block].inputs, port: outer.inputs[name]}
     for name, node in outer.inputs.items():
-        if name not in inner.inputs and not node.inherited:
+        if name not in inner.inputs:
             message = f"block `{outer.name}`: the diagram has no input `{name}`"
             problems.add(UnknownPort(message, node.place, nearest(name, inner.inputs) or "declare it below `inputs:`"))

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from cosim import grammar
-from cosim.errors import Position, UnknownKey, WrongType, WrongValue
+from cosim.errors import Position, UnknownKey, WrongType, WrongValue, nearest
 from cosim.grammar import Reader
+from cosim.overlay import dropped_names
 from cosim.source import Node, describe
 
 _NATIVE = ("block", "python", "fmu")
@@ -19,6 +20,8 @@ _ONLY = {
     **dict.fromkeys(("ports", "isolate", "mode"), ("fmu",)),
 }
 """The kinds of type that a key goes with; keys that are not here go with all."""
+SECTIONS = ("parameters", "start", "inputs", "dimensions")
+"""The keys below which a block says something of what its type declares."""
 
 
 @dataclass
@@ -28,7 +31,8 @@ class BlockEntry:
     kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars, expressions
     or nested lists of them. inputs: `block.port` or a list of such. dimensions: whole numbers from 1. ports: our name →
     the FMU's variable. The values of period (float, s), integrator, inner_steps (int), isolate (bool) and mode are in
-    range; a period is a whole number of steps.
+    range; a period is a whole number of steps. Of what was written for a type that this one replaces, dropped is what
+    `drop:` names, and unfit what goes with no block of this kind.
     """
 
     name: str
@@ -46,6 +50,8 @@ class BlockEntry:
     ports: dict[str, Node] = field(default_factory=dict)
     isolate: Node | None = None
     mode: Node | None = None
+    dropped: list[str] = field(default_factory=list)
+    unfit: dict[str, Node] = field(default_factory=dict)
 
     @property
     def directory(self) -> Path:
@@ -59,11 +65,12 @@ class BlockEntry:
         file = self.type.value.rpartition(":")[0] if self.kind == "python" else self.type.value
         return Path(os.path.normpath(self.directory / file))
 
-    def forget_inherited(self, section: str, known: Container[str]) -> None:
-        """Drop from `parameters`, `start`, `inputs` or `dimensions` what was written for another type."""
+    def take_out(self, section: str, known: Container[str]) -> dict[str, Node]:
+        """Remove from a section what was written for another type and is not known to this one."""
         entries: dict[str, Node] = getattr(self, section)
-        kept = {name: node for name, node in entries.items() if name in known or not node.inherited}
-        setattr(self, section, kept)
+        lost = {name: node for name, node in entries.items() if node.inherited and name not in known}
+        setattr(self, section, {name: node for name, node in entries.items() if name not in lost})
+        return lost
 
     def plain(self, folder: Path) -> dict[str, Any]:
         """The entry without places, as YAML has it; a path is made relative to the folder."""
@@ -95,8 +102,10 @@ def read_entry(name: str, node: Node, reader: Reader) -> BlockEntry | None:
     if not reader.text(entry.type, f"blocks.{name}.{entry.kind}"):
         return None
     for key, value in node.value.items():
-        if key not in grammar.TYPES and _applies(entry, key, value, reader):
+        if key not in (*grammar.TYPES, "drop") and _applies(entry, key, value, reader):
             setattr(entry, key, _attribute(f"blocks.{name}.{key}", key, value, reader))
+    if "drop" in node.value:
+        _drop(entry, node.value["drop"], reader)
     return entry
 
 
@@ -107,7 +116,39 @@ def _applies(entry: BlockEntry, key: str, node: Node, reader: Reader) -> bool:
         message = f"block `{entry.name}`: `{key}` does not go with `{entry.kind}:`"
         fix = f"remove it; it goes with {', '.join(f'`{kind}:`' for kind in only)}"
         reader.problems.add(UnknownKey(message, node.place, fix))
+    elif entry.kind not in only:
+        if "fmu" in only and len(only) == 1:  # says how the replaced FMU was attached, and goes with it
+            entry.dropped.append(key)
+        else:
+            entry.unfit[key] = node
     return entry.kind in only
+
+
+def _drop(entry: BlockEntry, drop: Node, reader: Reader) -> None:
+    """Leave out what `drop:` names of that which was written for another type."""
+    named = drop.value if isinstance(drop.value, list) else [drop]
+    names = {reader.text(node, f"blocks.{entry.name}.drop") for node in named}
+    known: set[str] = set()
+    for section in SECTIONS:
+        entries: dict[str, Node] = getattr(entry, section)
+        spellings = {name: {name, f"{section}.{name}"} for name, node in entries.items() if node.inherited}
+        gone = [name for name in spellings if spellings[name] & names]
+        setattr(entry, section, {name: node for name, node in entries.items() if name not in gone})
+        entry.dropped += gone if section == "parameters" else [f"{section}.{name}" for name in gone]
+        known.update(*spellings.values())
+    for key in ("period", "integrator", "inner_steps"):
+        node = entry.unfit.get(key) or getattr(entry, key)
+        if node and node.inherited:
+            known.add(key)
+            if key in names:
+                entry.unfit.pop(key, None)
+                setattr(entry, key, None)
+                entry.dropped.append(key)
+    for node in named:
+        if isinstance(node.value, str) and node.value not in known:
+            message = f"block `{entry.name}`: nothing called `{node.value}` was written for another type"
+            fix = nearest(node.value, known) or "`drop` goes with a change of the type; `name: ~` takes a value away"
+            reader.problems.add(WrongValue(message, node.position, fix))
 
 
 def _attribute(where: str, key: str, node: Node, reader: Reader) -> Any:

@@ -135,6 +135,10 @@ class WrongDataType(CosimError):
     """A wire between two ports whose data types differ."""
 
 
+class DroppedValue(CosimError):
+    """Something that the diagram gives a block and that the type which replaces the block's own does not take."""
+
+
 class TwoDrivers(CosimError):
     """One port driven by two sources."""
 

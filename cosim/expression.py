@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -43,6 +44,7 @@ _BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
 }
 _UNARY: dict[type[ast.unaryop], Callable[[float], float]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 _LONGEST = 1000
+_DATE = re.compile(r"\d{4}-\d{1,2}-\d{1,2}")
 
 Names = Mapping[str, float]
 Evaluator = Callable[[Names], float]
@@ -57,6 +59,8 @@ def evaluate(text: str, names: Names | None = None, position: Position | None = 
         value = _read(text)(names or {})
         if isinstance(value, complex) or math.isnan(value):
             raise ExpressionError(f"`{text}` is not a real number", fix="take even roots of positive numbers only")
+        if math.isinf(value) and "inf" not in text:
+            raise ExpressionError(f"`{text}` is too large for a number", fix="at most 1.7e308, or `inf`")
     except ExpressionError as error:
         raise ExpressionError(error.message, position, error.fix) from None
     except (ArithmeticError, TypeError, ValueError, RecursionError) as error:
@@ -87,6 +91,8 @@ def _read(text: str) -> Evaluator:
 def _parse(text: str) -> ast.expr:
     if len(text) > _LONGEST:
         raise ExpressionError(f"an expression of {len(text)} characters is too long", fix=f"at most {_LONGEST}")
+    if _DATE.fullmatch(text.strip()):
+        raise ExpressionError(f"`{text}` is a date, not a number", fix="put spaces around a minus sign")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

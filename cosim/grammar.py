@@ -20,6 +20,11 @@ INTEGRATORS = ("euler", "rk4")
 REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
 FMU_MODES = ("co-simulation", "model-exchange")
 
+
+class Layer(dict[str, Any]):
+    """The grammar of what lies over another tree, where `~` takes away what the tree below says."""
+
+
 _VALUE: dict[str, Any] = {}
 _NAMED = {ANY: _VALUE}
 BLOCK: dict[str, Any] = {
@@ -27,7 +32,7 @@ BLOCK: dict[str, Any] = {
     **dict.fromkeys(("parameters", "start", "inputs", "dimensions"), _NAMED),
     **dict.fromkeys(("period", "integrator", "inner_steps"), _VALUE),
     "ports": _NAMED,
-    **dict.fromkeys(("isolate", "mode"), _VALUE),
+    **dict.fromkeys(("isolate", "mode", "drop"), _VALUE),
 }
 DIAGRAM: dict[str, Any] = {
     **dict.fromkeys(("title", "extends"), _VALUE),
@@ -44,10 +49,13 @@ DIAGRAM: dict[str, Any] = {
 _BLOCK_NAME = re.compile(r"[^\W\d][\w-]*(/[^\W\d][\w-]*)*")
 
 
-def conform(node: Node, problems: Problems, grammar: dict[str, Any] = DIAGRAM, name: str = "") -> Node:
-    """The tree without what stands for nothing (`key:` and null) and without what the grammar does not have.
+def conform(
+    node: Node, problems: Problems, grammar: dict[str, Any] = DIAGRAM, name: str = "", over: bool = False
+) -> Node:
+    """The tree without what the grammar does not have.
 
-    A misspelt key is read as the one that it is nearest to, so that what stands below it is checked as well.
+    A misspelt key is read as the one that it is nearest to, so that what stands below it is checked as well. A key
+    without a value is a mistake, but for a section of which nothing is said. over: whether the tree lies over another.
     """
     if not grammar:
         return node
@@ -64,9 +72,18 @@ def conform(node: Node, problems: Problems, grammar: dict[str, Any] = DIAGRAM, n
             if not meant or meant[0] in node.value:
                 continue
             key = meant[0]
+        below = grammar.get(ANY) or grammar.get(key, _VALUE)
+        where = f"{name}.{key}".strip(".")
+        layered = over or (name == "blocks" and "/" in key)  # what is said of a block inside a diagram lies over it
         if child.value is not None:
-            below = grammar.get(ANY) or grammar.get(key, _VALUE)
-            entries[key] = conform(child, problems, below, f"{name}.{key}".strip("."))
+            entries[key] = conform(child, problems, below, where, layered or isinstance(below, Layer))
+        elif layered and not child.blank:
+            entries[key] = child
+        elif not child.blank:
+            message = f"`{where}: ~` takes away what an overlay's base says of it, and nothing does"
+            problems.add(WrongValue(message, child.place, "remove this line"))
+        elif ANY in grammar or not below:
+            problems.add(WrongValue(f"`{where}` has no value", child.place, "write one, or `~` to have none"))
     return replace(node, value=entries)
 
 

@@ -24,6 +24,10 @@ def print_network(network: Network) -> None:
     tasks = order.evaluation_order(network)
     print(f"{network.diagram.title or network.diagram.path.name}: {len(network.slaves)} blocks, valid")
     print(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
+    for swap in network.swaps:
+        print(swap)
+    if network.swaps:
+        print()
     _rows([_slave_row(network, slave) for slave in network.slaves.values()])
     shown = [f"{t.slave}.{t.function}" for t in tasks if t.function]
     print(f"\nevaluated in this order: {', '.join(shown)}")

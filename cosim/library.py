@@ -22,7 +22,7 @@ from pathlib import Path
 from types import ModuleType
 
 from cosim import source
-from cosim.block import Block, Input, Parameter
+from cosim.block import Block
 from cosim.entry import BlockEntry
 from cosim.errors import (
     AmbiguousBlock,
@@ -41,19 +41,14 @@ GROUP = "cosim.blocks"
 def find(entry: BlockEntry) -> type[Block]:
     """The class that a diagram's entry names, or the one made from an FMU.
 
-    The entry forgets the parameters, starts, inputs and dimensions that it inherited from a block of another type and
-    that this class does not declare.
     Raises: UnknownBlock, AmbiguousBlock, BlockImportError, DeclarationError, MissingFile, WrongValue,
     and for an FMU ArchiveError, FmuError, UnknownPort.
     """
-    block = _found(entry)
-    declaration = block.declaration
-    names = {kind: {v.name for v in declaration.of(kind)} for kind in (Parameter, Input)}
-    entry.forget_inherited("parameters", names[Parameter])
-    entry.forget_inherited("start", {v.name for v in declaration.startable()})
-    entry.forget_inherited("inputs", names[Input])
-    entry.forget_inherited("dimensions", {*declaration.dimension_names(), *declaration.dimensions})
-    return block
+    if entry.kind == "fmu":
+        from cosim.fmu import importer
+
+        return importer.block(entry)
+    return _from_file(entry) if entry.kind == "python" else _from_libraries(entry)
 
 
 def all_blocks() -> dict[str, type[Block]]:
@@ -98,14 +93,6 @@ def import_file(path: Path) -> ModuleType:
 
 
 _files: dict[Path, tuple[bytes, ModuleType]] = {}
-
-
-def _found(entry: BlockEntry) -> type[Block]:
-    if entry.kind == "fmu":
-        from cosim.fmu import importer
-
-        return importer.block(entry)
-    return _from_file(entry) if entry.kind == "python" else _from_libraries(entry)
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:

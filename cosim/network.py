@@ -12,6 +12,7 @@ from cosim.block import Declaration, Input, Variable
 from cosim.diagram import BlockEntry, Diagram
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
 from cosim.grammar import endpoint
+from cosim.swaps import Swap
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,7 @@ class Network:
     diagram: Diagram
     slaves: dict[str, Slave]
     findings: list[Finding] = field(default_factory=list)
+    swaps: list[Swap] = field(default_factory=list)
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""

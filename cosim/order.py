@@ -92,9 +92,12 @@ def _producers(network: Network, slave: Slave, name: str, starts: bool) -> list[
 
 
 def _producers_of(network: Network, signal: Signal, starts: bool) -> list[tuple[Task, str]]:
-    declaration = network.slaves[signal.slave].declaration
+    slave = network.slaves[signal.slave]
+    declaration = slave.declaration
     if isinstance(declaration.variables[signal.variable], State):
-        setters = [f for f in declaration.kind("start") if signal.variable in f.writes] if starts else []
+        # A start value that the diagram gives is there before the function that would compute it.
+        computed = starts and signal.variable not in slave.given
+        setters = [f for f in declaration.kind("start") if signal.variable in f.writes] if computed else []
         return [(Task(signal.slave, f.name), signal.variable) for f in setters]
     writer = declaration.writer(signal.variable, starts)
     return [(Task(signal.slave, writer.name), signal.variable)] if writer else []
@@ -121,4 +124,12 @@ def _loop_error(network: Network, loop: networkx.DiGraph) -> AlgebraicLoop:
     first = network.slaves[cycle[0][1].slave]
     position = next((n.position for n in first.entry.inputs.values() if str(n.value) in ports), first.entry.position)
     fix = "let one of these blocks read a state instead of an output with direct feedthrough, or sample it"
-    return AlgebraicLoop(f"algebraic loop: {' → '.join([*ports, ports[0]])}", position, fix)
+    kind = "algebraic loop"
+    started = [f"blocks.{t.slave}.start.{loop.edges[t, after]['port']}" for t, after in cycle if _is_start(network, t)]
+    if started:  # at time zero only: where a run goes on, these are states
+        kind, fix = "algebraic loop at initialization", f"give a start value: {' or '.join(started)}"
+    return AlgebraicLoop(f"{kind}: {' → '.join([*ports, ports[0]])}", position, fix)
+
+
+def _is_start(network: Network, task: Task) -> bool:
+    return any(f.name == task.function for f in network.slaves[task.slave].declaration.kind("start"))

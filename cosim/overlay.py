@@ -1,7 +1,8 @@
 """The layers of a diagram, from the bottom up: the file it extends, the file, --swap, --set; merged by key.
 
-Mappings merge, everything else replaces. A layer that changes a block's type makes what the layers below say of that
-block's parameters, starts, inputs and the like `inherited`: it counts only where the new type declares it.
+Mappings merge, everything else replaces, and `~` takes away. A layer that changes a block's type makes what the layers
+below say of that block's parameters, starts, inputs and the like `inherited`: the new type declares it too, or it is
+dropped, which `cosim.swaps` lets nobody do in silence.
 """
 
 from __future__ import annotations
@@ -48,13 +49,20 @@ def read_layers(path: Path, problems: Problems, named_at: Position | None = None
 
 def merge(base: Node, over: Node, path: tuple[str, ...] = ()) -> Node:
     """One layer over another. A merged mapping keeps the lower one's place, a block that of its type."""
+    if isinstance(base.value, dict) and over.blank:
+        return base
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over
     is_block = len(path) == 2 and path[0] == "blocks"
     retyped = is_block and _changes_type(base.value, over.value)
     entries = _inherited(base.value) if retyped else dict(base.value)
     for key, node in over.value.items():
-        entries[key] = merge(entries[key], node, (*path, key)) if key in entries else node
+        if node.value is None and not node.blank and key in base.value:
+            entries.pop(key, None)
+        else:
+            entries[key] = merge(entries[key], node, (*path, key)) if key in entries else node
+    if retyped:
+        _note_replaced(base.value, entries)
     return replace(over if retyped and over.position.line else base, value=entries)
 
 
@@ -64,8 +72,33 @@ def _changes_type(base: dict[str, Node], over: dict[str, Node]) -> bool:
 
 
 def _inherited(block: dict[str, Node]) -> dict[str, Node]:
-    """What remains of a block whose type is replaced: all but the type, marked as written for another."""
-    return {key: node if key == "per" else _marked(node) for key, node in block.items() if key not in TYPES}
+    """What remains of a block whose type is replaced: all but the type and what it drops, marked as for another."""
+    names = dropped_names(block.get("drop"))
+    remains = {}
+    for key, node in block.items():
+        if key in TYPES or key == "drop" or (key in names and node.inherited):
+            continue
+        if isinstance(node.value, dict):
+            kept = {n: v for n, v in node.value.items() if not (v.inherited and {n, f"{key}.{n}"} & names)}
+            node = replace(node, value=kept)
+        remains[key] = node if key == "per" else _marked(node)
+    return remains
+
+
+def dropped_names(drop: Node | None) -> set[str]:
+    """What a block's `drop:` names; one name or a list of them."""
+    if drop is None:
+        return set()
+    nodes = drop.value if isinstance(drop.value, list) else [drop]
+    return {node.value for node in nodes if isinstance(node.value, str)}
+
+
+def _note_replaced(base: dict[str, Node], entries: dict[str, Node]) -> None:
+    """Let the new type say which it replaces."""
+    before = next(((key, base[key]) for key in TYPES if key in base), None)
+    for key in TYPES:
+        if key in entries:
+            entries[key] = replace(entries[key], replaces=before)
 
 
 def _marked(node: Node) -> Node:

@@ -60,6 +60,7 @@ class Outcome:
     conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
+    swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
 
     def as_json(self) -> str:
         """One JSON object; NaN and infinity are null."""
@@ -71,6 +72,8 @@ class Outcome:
             content["warnings"] = [str(warning) for warning in self.warnings]
         if self.conditions:
             content["conditions"] = [asdict(finding) for finding in self.conditions]
+        if self.swaps:
+            content["swaps"] = self.swaps
         return json.dumps(reductions.for_json(content), ensure_ascii=False)
 
 
@@ -257,6 +260,7 @@ class Run:
             conditions=conditions,
             units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
             windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},
+            swaps=[str(swap) for swap in self.network.swaps],
         )
 
 

@@ -5,6 +5,7 @@ Scalars follow the core schema of YAML 1.2: `1e-3` is a number, `on` and `yes` a
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -14,7 +15,17 @@ from typing import Any
 import yaml
 from yaml.events import AliasEvent, Event, MappingStartEvent, NodeEvent, ScalarEvent, SequenceStartEvent
 
-from cosim.errors import CosimError, DuplicateKey, MissingFile, Position, Problems, WrongType, YamlSyntaxError, nearest
+from cosim.errors import (
+    CosimError,
+    DuplicateKey,
+    MissingFile,
+    Position,
+    Problems,
+    WrongType,
+    WrongValue,
+    YamlSyntaxError,
+    nearest,
+)
 
 _LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -35,13 +46,16 @@ class Node:
     """A value with its place. Never changed once made: aliases share nodes.
 
     value: str, int, float, bool, None, list[Node] or dict[str, Node]. inherited: written for a block type that a
-    later layer has replaced, so that it counts only where the new type declares it.
+    later layer has replaced, so that it counts only where the new type declares it. replaces: for a block's type, the
+    one that it replaces, as kind and name. blank: a key without a value, where `~` would say that there is to be none.
     """
 
     value: Any
     position: Position
     key_position: Position | None = None
     inherited: bool = False
+    replaces: tuple[str, Node] | None = None
+    blank: bool = False
 
     @property
     def place(self) -> Position:
@@ -177,7 +191,8 @@ class _Composer:
         if event.anchor:
             self.anchors[event.anchor] = None
         if isinstance(event, ScalarEvent):
-            node = Node(self.scalar(event), place)
+            blank = event.value == "" and event.implicit[0] and event.tag is None
+            node = Node(self.scalar(event), place, blank=blank)
         elif event.tag not in (None, "!"):  # type: ignore[attr-defined]
             raise self.unknown_tag(event)
         elif isinstance(event, SequenceStartEvent):
@@ -240,10 +255,16 @@ class _Composer:
         if text in _LITERALS:
             return _LITERALS[text]
         if _INTEGER.fullmatch(text):
-            return _whole(text)
-        if _FLOAT.fullmatch(text):
-            return float(text.replace(".", "", 1) if text[-1] in "fFnN" else text)
-        return text
+            value = _whole(text)
+        elif _FLOAT.fullmatch(text):
+            value = _real(text)
+        else:
+            return text
+        if (not value or math.isinf(value)) and not _holds(text, value):
+            shown = text if len(text) < 30 else f"{text[:27]}…"
+            message = f"the number `{shown}` is beyond the range of floating-point numbers"
+            self.problems.add(WrongValue(message, self.place(event), "from 2.3e-308 to 1.7e308, or 0, or `.inf`"))
+        return value
 
     def unknown_tag(self, event: Event) -> CosimError:
         message = f"tags such as `{event.tag}` are not allowed"  # type: ignore[attr-defined]
@@ -288,7 +309,20 @@ def _whole(text: str) -> int | float:
     if base == 10 and len(text) > 25:
         return float(text)
     value = int(text, base)
-    return value if abs(value) < 1 << 63 else float(min(value, 1 << 1023))
+    if value.bit_length() > 1023:
+        return math.inf
+    return value if abs(value) < 1 << 63 else float(value)
+
+
+def _holds(text: str, value: float) -> bool:
+    """Whether a zero or an infinity is the number as written, not one too small or too large for a float."""
+    if math.isinf(value):
+        return "." in text and text[-1] in "fF"
+    return not re.search("[1-9]", re.split("[eE]", text)[0]) or text.startswith("0x")
+
+
+def _real(text: str) -> float:
+    return float(text.replace(".", "", 1) if text[-1] in "fFnN" else text)
 
 
 def _extent(node: Node) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -41,7 +42,9 @@ class Value:
             return cls(parts, (len(parts), *(parts[0].shape if parts else ())), node.position)
         if isinstance(node.value, dict) or node.value is None:
             kind = "a mapping" if isinstance(node.value, dict) else "nothing"
-            raise WrongType(f"{name}: a number or a list of numbers is needed, not {kind}", node.position)
+            raise WrongType(f"{name}: a number or a list of numbers is needed, not {kind}", node.position, "such as 1")
+        if isinstance(node.value, float) and math.isnan(node.value):
+            raise WrongValue(f"{name}: `.nan` is no value to calculate with", node.position, "give a number")
         return cls(node.value, (), node.position)
 
     def member(self, k: int) -> Value:
@@ -69,12 +72,17 @@ class Value:
         number = self.content
         if dtype.hasobject:  # a text
             return str(number)
+        if dtype.kind == "b" and number not in (0, 1):
+            raise WrongType(f"`{number}` is neither true nor false", self.position, "write true or false")
+        if dtype.kind != "b" and isinstance(number, bool):
+            word = str(number).lower()
+            raise WrongType(f"`{word}` is no number", self.position, f"write {int(number)}, if that is what is meant")
         if isinstance(number, str):
             try:
                 number = expression.evaluate(number, names)
             except ExpressionError as error:
                 raise ExpressionError(error.message, self.position, error.fix) from None
-        if dtype.kind in "iu" and number != int(number):
+        if dtype.kind in "iu" and not float(number).is_integer():
             raise WrongValue(f"{number} is no whole number", self.position, "give an integer")
         if dtype.kind in "iu":
             bounds = np.iinfo(dtype)

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cosim import dimensions, order, rules, units
+from cosim import dimensions, order, rules, swaps, units
 from cosim.block import Block, Input, Local, Parameter, State, Variable
 from cosim.diagram import BlockEntry, Diagram
 from cosim.errors import (
@@ -32,6 +32,7 @@ from cosim.errors import (
 from cosim.grammar import endpoint
 from cosim.network import Axis, Network, Signal, Slave
 from cosim.source import Node
+from cosim.swaps import Swap
 from cosim.values import Value
 
 INTEGERS = (np.dtype(np.int32), np.dtype(np.int64))
@@ -75,6 +76,7 @@ class _Wiring:
         self.problems = problems
         self.slaves: dict[str, Slave] = {}
         self.values: dict[tuple[str, str], Value] = {}
+        self.swaps: list[Swap] = [*diagram.swaps]
 
     def network(self) -> Network:
         for entry in self.diagram.blocks.values():
@@ -96,7 +98,7 @@ class _Wiring:
         if not self.problems.errors:
             rules.check(self.slaves, self.slaves, self.problems)
         self.problems.raise_if_any()
-        return Network(self.diagram, self.slaves)
+        return Network(self.diagram, self.slaves, swaps=self.swaps)
 
     # ---- blocks and names ----
 
@@ -104,6 +106,9 @@ class _Wiring:
         from cosim import library
 
         block: type[Block] = library.find(entry)
+        swap = swaps.settle(entry, block.declaration, self.problems)
+        if swap:
+            self.swaps.append(swap)
         run = self.diagram.run
         slave = Slave(entry.name, entry, block.declaration)
         slave.method = entry.integrator.value if entry.integrator else run.integrator
@@ -130,8 +135,6 @@ class _Wiring:
 
     def _period(self, slave: Slave, period: Node) -> None:
         if not slave.declaration.kind("update"):
-            if period.inherited:
-                return
             message = f"block {slave.name}: {slave.declaration.name} is not sampled, so it takes no period"
             raise WrongValue(message, period.position, "remove `period`, or give the block an update() function")
         steps = float(period.value) / self.diagram.run.step

@@ -124,26 +124,6 @@ def test_a_library_that_is_not_there(libraries):
     assert "no_such_package_anywhere" in str(error)
 
 
-def test_inherited_names_that_the_class_does_not_declare_are_forgotten(tmp_path, libraries):
-    package(tmp_path, "plants", lag=LAG.format(T=1.0))
-    libraries("plants")
-    old, new = Node(1, Position("a.yaml", 1), inherited=True), Node(1, Position("a.yaml", 2))
-    sections = {
-        "parameters": {"T": old, "gain": old, "typo": new},
-        "start": {"x": old, "u": old, "v": old},
-        "inputs": {"u": old, "w": old},
-        "dimensions": {"n": old, "m": old},
-    }
-    plant = entry("block", "Lag", **sections)
-    library.find(plant)
-    assert {name: list(getattr(plant, name)) for name in sections} == {
-        "parameters": ["T", "typo"],
-        "start": ["x", "u"],
-        "inputs": ["u"],
-        "dimensions": ["n"],
-    }
-
-
 def test_a_python_file_next_to_the_diagram(tmp_path):
     (tmp_path / "mine.py").write_text("from gains import T\n" + LAG.format(T="T"))
     (tmp_path / "gains.py").write_text("T = 7.0\n")

@@ -53,6 +53,8 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     print(f"\n{outcome.status} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
     print(f"recorded in {outcome.results}")
+    for swap in outcome.swaps:
+        print(swap)
     sys.stdout.flush()
     terminal.print_warnings(outcome.warnings)
     for event in outcome.events:

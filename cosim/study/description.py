@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim import grammar, source
 from cosim.errors import CosimError, DiagramErrors, MissingKey, Position, Problems, WrongType, WrongValue
-from cosim.grammar import ANY, Reader
+from cosim.grammar import ANY, Layer, Reader
 from cosim.source import Node, describe
 from cosim.study.model import (
     METHODS,
@@ -35,10 +35,10 @@ RESERVED = ("variant", "draw")
 
 _VALUE: dict[str, Any] = {}
 _NAMED = {ANY: _VALUE}
-_OVERLAY = {key: below for key, below in grammar.DIAGRAM.items() if key not in ("title", "extends")}
+_OVERLAY = {key: Layer(below) for key, below in grammar.DIAGRAM.items() if key not in ("title", "extends")}
 GRAMMAR: dict[str, Any] = {
     **dict.fromkeys(("title", "description", "diagram"), _VALUE),
-    "variants": {ANY: {"diagram": _VALUE, "description": _VALUE, "swap": _NAMED, "set": _NAMED, **_OVERLAY}},
+    "variants": {ANY: {"diagram": _VALUE, "description": _VALUE, "swap": _NAMED, "set": Layer(_NAMED), **_OVERLAY}},
     "grid": _NAMED,
     "random": {**dict.fromkeys(("count", "seed", "method"), _VALUE), "draws": _NAMED, "accept": _NAMED},
     "metrics": _VALUE,

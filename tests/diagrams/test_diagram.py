@@ -67,13 +67,13 @@ def test_a_recording_without_period_is_of_each_step(folder):
     assert load(write("a.yaml", text)).record.period == 0.5
 
 
-def test_nothing_stands_for_not_said(folder):
+def test_nothing_takes_away_and_a_section_without_lines_says_nothing(folder):
     diagram = load(
-        write("a.yaml", "extends: base.yaml\nrecord:\nblocks: {level: {start: , inputs: {other: ~}}, pump: ~}\n")
+        write("a.yaml", "extends: base.yaml\nrecord: ~\nblocks: {level: {start: , inputs: {other: ~}}, pump: ~}\n")
     )
     assert diagram.record is None
     assert list(diagram.blocks) == ["level"]
-    assert diagram.blocks["level"].start == {}
+    assert plain(diagram.blocks["level"].start) == {"h": [0.5, "pi/3"]}
     assert plain(diagram.blocks["level"].inputs) == {"inflow": "pump.q"}
 
 

@@ -8,6 +8,7 @@ import pytest
 from cosim.diagram import load
 from cosim.errors import (
     CircularExtends,
+    DroppedValue,
     MissingFile,
     Position,
     Problems,
@@ -73,8 +74,13 @@ def test_blocks_inside_can_be_set_and_swapped(nested):
 
 def test_a_swap_for_a_diagram_drops_what_it_does_not_have(nested):
     write("a.yaml", HEAD + "blocks:\n  p: {block: P, period: 0.1, parameters: {m: 1}, inputs: {demand: p.x, u: p.x}}\n")
-    diagram = load("a.yaml", swaps=["p=sub/inner.yaml"], problems=(problems := Problems()))
+    load("a.yaml", swaps=["p=sub/inner.yaml"], problems=(problems := Problems()))
+    assert [type(e) for e in problems.errors] == [DroppedValue, UnknownPort]
+    assert all(f"{n} at a.yaml:3:" in problems.errors[0].message for n in ("parameters.m", "inputs.u", "period"))
+    waiver = ["blocks.p.drop=[m, u, period]"]
+    diagram = load("a.yaml", waiver, swaps=["p=sub/inner.yaml"], problems=(problems := Problems()))
     assert [type(e) for e in problems.errors] == [UnknownPort]
+    assert str(diagram.swaps[0]) == "p: P → inner.yaml: keeps demand; drops m, inputs.u, period"
     assert list(diagram.blocks) == ["p/valve", "p/tank", "p/sum"]
     assert plain(diagram.blocks["p/valve"].parameters) == {"gain": 1}
 
