@@ -11,7 +11,6 @@ from typing import Any
 from cosim import grammar
 from cosim.errors import Position, UnknownKey, WrongType, WrongValue, nearest
 from cosim.grammar import Reader
-from cosim.overlay import dropped_names
 from cosim.source import Node, describe
 
 _NATIVE = ("block", "python", "fmu")

@@ -114,7 +114,9 @@ def _swap(entry: BlockEntry, lost: list[_Lost], defaults: list[str]) -> Swap:
 def _kept(entry: BlockEntry) -> list[str]:
     keys = [k for k in ("period", "integrator", "inner_steps", "mode", "isolate") if getattr(entry, k)]
     sections = [(s, getattr(entry, s)) for s in (*SECTIONS, "ports")]
-    names = [n if s in ("parameters", "inputs") else f"{s}.{n}" for s, e in sections for n, v in e.items() if v.inherited]
+    names = [
+        n if s in ("parameters", "inputs") else f"{s}.{n}" for s, e in sections for n, v in e.items() if v.inherited
+    ]
     return names + [k for k in keys if getattr(entry, k).inherited]
 
 
