@@ -198,7 +198,8 @@ def _offers(
         free = {n: (s, v) for s in sections for n, v in known[s].items() if n not in given[s] or n == item.name}
         scores = {n: _likeness(item.name, old, v) for n, (_, v) in free.items()}
         best = max(scores, key=lambda n: scores[n], default="")
-        if not best or scores[best] < _ALIKE:
+        alone = len(free) == 1 and sum(other.section == item.section for other in lost) == 1
+        if not best or (scores[best] < _ALIKE and not alone):
             continue
         section = free[best][0]
         given[section][best] = item.node

@@ -83,7 +83,10 @@ def test_a_swap_keeps_what_the_new_block_declares(cosim, write):
     text = SMALL.replace("inputs: {u: source.y}", "parameters: {T: 2}, inputs: {u: source.y}")
     path = write(text.replace("u: lag.y", "u: lag.x"))
     blocks = path.read_text().split("python: ")[1].split(":Sine")[0]
-    code, out, err = cosim("run", path, "--json", "--swap", f"lag={blocks}:Integrator")
+    swap = ("--swap", f"lag={blocks}:Integrator")
+    code, _, err = cosim("run", path, "--json", *swap)
+    assert code == 2 and "parameters.T at" in err and "--set 'blocks.lag.drop=[T]'" in err
+    code, out, err = cosim("run", path, "--json", *swap, "--set", "blocks.lag.drop=[T]")
     assert code == 0 and err == ""
     assert json.loads(out)["metrics"]["largest"] == pytest.approx(4 * (1 - np.cos(1)), rel=0.02)
 
