@@ -13,7 +13,11 @@ import numpy as np
 from cosim import memory
 from cosim.block import Declaration, Function, Variable
 
-FIRST_ARGUMENT = 2  # words of a frame before the sizes of the run-time dimensions
+# A frame's words: what a kernel leaves where it fails (the address of a text, two numbers for it, the instance, and the
+# time), the number of instances, the sizes of the run-time dimensions, and offset and stride of each argument.
+FAULT_WORDS = 5
+INSTANCES = FAULT_WORDS
+FIRST_ARGUMENT = INSTANCES + 1
 
 
 @dataclass(frozen=True)
@@ -21,13 +25,15 @@ class Source:
     """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what it depends on.
 
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
-    what is written to one of them changes no other. place: file:line of the author's function.
+    what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
+    place: file:line of the author's function.
     """
 
     symbol: str
     build: Callable[[], Callable[..., int]]
     fingerprint: str
     disjoint: bool = False
+    checked: bool = False
     place: str = ""
 
 
@@ -63,15 +69,15 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
     # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
     code = function.python.__code__
     place = f"{code.co_filename}:{code.co_firstlineno}"
-    return Source(function.name, build, digest + text, disjoint=True, place=place)
+    return Source(function.name, build, digest + text, disjoint=True, checked=True, place=place)
 
 
 def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:
     """Source of the kernel around one function: frame -> arrays -> the author's function, for each instance."""
     dims = run_time_dimensions(declaration, constants)
     lines = ["def adapter(time, base, frame):"]
-    lines += [f"    {name}_size = frame[{FIRST_ARGUMENT + k}]" for k, name in enumerate(dims)]
-    lines += ["    for k in range(frame[1]):"]
+    lines += [f"    {name}_size = size(frame[{FIRST_ARGUMENT + k}])" for k, name in enumerate(dims)]
+    lines += [f"    for k in range(frame[{INSTANCES}]):", "        instance(k)"]
     slot = FIRST_ARGUMENT + len(dims)
     for argument in function.arguments:
         if argument == "time":
@@ -83,7 +89,8 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
             lines.append(f"        {argument}_ = load_{kind}({place})")
         else:
             sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
-            lines.append(f"        {argument}_ = array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))")
+            view = f"array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))"
+            lines.append(f"        {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
         slot += 2
     call = ", ".join("time" if a == "time" else f"{a}_" for a in function.arguments)
     lines += [f"        function({call})", "    return 0", ""]

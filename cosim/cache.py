@@ -27,7 +27,7 @@ def toolchain() -> tuple[str, ...]:
     """The versions of all that turns a function into code, our own part of it included."""
     own = b"".join(
         Path(__file__).with_name(f"{name}.py").read_bytes()
-        for name in ("adapters", "compiler", "helpers", "intrinsics")
+        for name in ("adapters", "checks", "compiler", "helpers", "intrinsics")
     )
     versions = (version("numba"), version("llvmlite"), f"{sys.version_info[:2]}")
     return (*versions, hashlib.sha256(own).hexdigest())

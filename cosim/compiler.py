@@ -36,22 +36,22 @@ def compile_object(name: str, sources: Iterable[Source]) -> bytes:
 def compile_ir(name: str, sources: Iterable[Source]) -> str:
     """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: KernelError."""
     from numba import types
-    from numba.core.compiler import Flags, compile_extra
+    from numba.core.compiler import Compiler, Flags, compile_extra
     from numba.core.compiler_lock import global_compiler_lock
 
-    from cosim import helpers
+    from cosim import checks, helpers
 
     signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
     flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
-    with global_compiler_lock, helpers.unoptimised():
+    with global_compiler_lock, helpers.unoptimised(), checks.checking():
         target = helpers.target()
         library = target.target_context.codegen().create_library(name)
-        library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS))
+        library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
         for source in sources:
-            adapter = helpers.with_compiled_globals(source.build(), source.disjoint)
-            flags.noalias = source.disjoint
+            adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
+            flags.noalias, flags.boundscheck = source.disjoint, source.checked
             try:
                 result = compile_extra(
                     target.typing_context,
@@ -62,6 +62,7 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
                     flags,
                     locals={},
                     library=library,
+                    pipeline_class=checks.Compiler if source.checked else Compiler,
                 )
             except Exception as error:
                 raise _explain(error, f"{name}: {source.symbol}()", source.place) from error
@@ -76,21 +77,20 @@ define void @NRT_incref(ptr %object) alwaysinline { ret void }
 define void @NRT_decref(ptr %object) alwaysinline { ret void }
 """
 
-#: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status.
+#: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status. A fault is
+#: written to the frame, of which the function itself sees no word before the instances; its last word is the time.
 _SHIM = """
 define i32 @{symbol}(double %time, ptr %base, ptr %frame) {{
   %result = alloca i32
-  %record = alloca ptr
-  store ptr null, ptr %record
-  %raised = call i32 @{symbol}.numba(ptr %result, ptr %record, double %time, ptr %base, ptr %frame)
+  %raised = call i32 @{symbol}.numba(ptr %result, ptr %frame, double %time, ptr %base, ptr %frame)
   %ok = icmp eq i32 %raised, 0
   br i1 %ok, label %returned, label %failed
 returned:
   %status = load i32, ptr %result
   ret i32 %status
 failed:
-  %fault = load ptr, ptr %record
-  store ptr %fault, ptr %frame
+  %when = getelementptr double, ptr %frame, i64 4
+  store double %time, ptr %when
   ret i32 3
 }}
 """

@@ -15,20 +15,22 @@ from typing import Any
 
 from numba.core import config as numba_config
 from numba.core import sigutils
+from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher, cpu_target
 
-from cosim import intrinsics, memory
+from cosim import checks, intrinsics, memory
 from cosim.errors import KernelError
 
 
 class Target:
-    """What a dispatcher asks for: numba's own processor target, with ahead-of-time code generation."""
+    """What a dispatcher asks for: numba's own processor target, with ahead-of-time code generation and our faults."""
 
     options = cpu_target.options
     typing_context = cpu_target.typing_context
 
     def __init__(self) -> None:
         self.target_context = cpu_target.target_context.with_aot_codegen("cosim")
+        self.target_context.__class__ = checks.Context
 
 
 @cache
@@ -58,19 +60,22 @@ def unoptimised() -> Iterator[None]:
 class Helper(CPUDispatcher):
     """A Python function that compiled functions may call.
 
-    disjoint: arrays that it writes share no memory with its other arguments.
+    disjoint: arrays that it writes share no memory with its other arguments; checked: see `cosim.checks`.
     """
 
-    def __init__(self, function: Callable[..., Any], disjoint: bool) -> None:
+    def __init__(self, function: Callable[..., Any], disjoint: bool, checked: bool) -> None:
         self.targetdescr: Any = target()
-        super().__init__(function, targetoptions={"nopython": True, "error_model": "numpy"})
+        options = {"nopython": True, "error_model": "numpy"}
+        super().__init__(function, targetoptions=options, pipeline_class=checks.Compiler if checked else Compiler)
         self._compiler: Any
         self._compiler._customize_flags = self._flags
         self._disjoint = disjoint
+        self._checked = checked
 
     def _flags(self, flags: Any) -> Any:
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         flags.noalias = self._disjoint
+        flags.boundscheck = self._checked
         return flags
 
     def add_overload(self, result: Any) -> None:
@@ -89,12 +94,12 @@ _helpers: dict[Any, Helper] = {}
 
 
 def with_compiled_globals(
-    function: Callable[..., Any], disjoint: bool = False, inside: tuple[Any, ...] = ()
+    function: Callable[..., Any], disjoint: bool = False, checked: bool = False, inside: tuple[Any, ...] = ()
 ) -> Callable[..., Any]:
     """A copy of a function whose plain-Python helpers are compiled and whose memory access is machine code.
 
-    disjoint: of the helpers, see `Helper`; inside: the functions that are being looked through. Raises: KernelError for
-    a recursion.
+    disjoint, checked: of the helpers, see `Helper`; inside: the functions that are being looked through. Raises:
+    KernelError for a recursion.
     """
     scope = dict(function.__globals__)
     for name in _names(function.__code__):
@@ -108,7 +113,8 @@ def with_compiled_globals(
                 continue
         if value in inside:
             raise KernelError(f"{name}() calls itself", fix="write the recursion as a loop")
-        scope[name] = _helper(with_compiled_globals(value, inside=(*inside, value)), disjoint)
+        compiled = with_compiled_globals(value, checked=checked, inside=(*inside, value))
+        scope[name] = _helper(compiled, disjoint, checked)
     copy = python_types.FunctionType(
         function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
     )
@@ -116,14 +122,14 @@ def with_compiled_globals(
     return copy
 
 
-def _helper(function: Callable[..., Any], disjoint: bool) -> Helper:
+def _helper(function: Callable[..., Any], disjoint: bool, checked: bool) -> Helper:
     """One helper for all functions of the same code that see the same values, so that blocks share its IR."""
     reached = [function.__globals__.get(name) for name in sorted(_names(function.__code__))]
     reached += [function.__defaults__, *(cell.cell_contents for cell in function.__closure__ or ())]
     # What is not a number is kept alive by the helper that the key belongs to, so that its id stays its own.
-    key = (function.__code__, disjoint, *(repr(v) if isinstance(v, (int, float)) else id(v) for v in reached))
+    key = (function.__code__, function.__code__.co_filename, disjoint, checked, *(repr(v) if isinstance(v, (int, float)) else id(v) for v in reached))
     if key not in _helpers:
-        _helpers[key] = Helper(function, disjoint)
+        _helpers[key] = Helper(function, disjoint, checked)
     return _helpers[key]
 
 

@@ -63,6 +63,35 @@ def _view(number: Any, code: Any) -> Any:
     return pointer_at
 
 
+@intrinsic
+def size(context: Any, size: Any) -> Any:
+    """A size of a dimension, which wiring has seen to be from 1 to 2^31 - 1."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        for relation, bound in ((">=", 1), ("<", 1 << 31)):
+            builder.assume(builder.icmp_signed(relation, arguments[0], ir.IntType(64)(bound)))
+        return arguments[0]
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def read_only(context: Any, array: Any) -> Any:
+    """The array, of a type for which numba refuses what writes to it, also through views and helpers."""
+    return array.copy(readonly=True)(array), lambda context, builder, signature, arguments: arguments[0]
+
+
+@intrinsic
+def instance(context: Any, k: Any) -> Any:
+    """Have the number of the instance at hand where a function that is called from here fails."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.instance = arguments[0]
+        return context.get_dummy_value()
+
+    return types.none(types.int64), generate
+
+
 word_pointer = _view(types.int64, ir.IntType(64))
 real_pointer = _view(types.float64, ir.DoubleType())
 integer_pointer = _view(types.int32, ir.IntType(32))

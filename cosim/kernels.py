@@ -1,9 +1,9 @@
 """Compiles authors' functions, each behind one C ABI, and caches the object code in the user's cache folder.
 
 Every kernel is ``int32 kernel(double time, uint8 *base, int64 *frame)`` and returns an FMI status. The frame is
-``[fault, instances, sizes of run-time dimensions…, (offset, stride) per argument…]`` in words of 64 bits; offsets
-are bytes from `base`, strides are bytes between two instances (0: all instances share the value). On an exception
-`fault` receives the address of numba's record of it.
+``[fault…, instances, sizes of run-time dimensions…, (offset, stride) per argument…]`` in words of 64 bits (see
+`cosim.adapters`); offsets are bytes from `base`, strides are bytes between two instances (0: all instances share the
+value). A function that fails writes to `fault` what is to be told of it.
 
 A source is compiled once: the cache is keyed by the bytecode of the functions and all that they reach, the shapes,
 the versions of the compilers, and the processor. A warm start imports neither numba nor anything of it.

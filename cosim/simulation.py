@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import engine, floating, hosts, kernels, memory, supervision
+from cosim import engine, faults, floating, hosts, kernels, memory, supervision
 from cosim.errors import BlockFailed, CosimError, Diverged, KernelError
 from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
@@ -117,7 +117,7 @@ class Simulation:
         self.arena = copy_of(table.arena, self._zeros)
         self.probes = probes
         self._initialized = False
-        self._faults: list[Exception] = []
+        self._faults: list[faults.Fault] = []
         self._keep: list[Any] = []
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
@@ -310,18 +310,18 @@ class Simulation:
         self._raise_fault(int(self.control[engine.AT]))
 
     def _raise_fault(self, operation: int) -> None:
-        """Tell what went wrong in a call: a compiled kernel's exception is found by interpreting the call again."""
+        """Tell what went wrong in a call, from what it left behind."""
         call_index = int(self.table.operations[operation, engine.A])
         call = self.table.calls[call_index]
         if call.slave in self._parts:
             raise self._host.failure(call.slave, self.time)
-        if not self._faults:
-            self._python(call_index)(self.time)
-        cause = self._faults[-1] if self._faults else None
-        text = f"{type(cause).__name__}: {cause}" if cause else "an error that plain Python does not show"
-        place = self.table.network.slaves[call.slave].entry.position
-        message = f"block {call.slave}: {call.function.name}() failed at t = {self.time:g} s: {text}"
-        raise BlockFailed(message, place, "run with `--engine python` to step through the block") from cause
+        found = self._faults[-1] if self._faults else faults.of_kernel(self.arena.ctypes.data + call.frame)
+        fault = found or faults.Fault("an error", self.time, 0)
+        slave = self.table.network.slaves[call.slave]
+        member = f" of {slave.fleet} {fault.instance + 1}" if slave.fleet else ""
+        message = f"block {call.slave}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
+        fix = "run with `--engine python` to step through the block"
+        raise BlockFailed(message, slave.entry.position, fix) from fault.cause
 
     def value(self, signal: Signal) -> np.ndarray:
         """A signal now, as a copy (instances…, *shape)."""
@@ -339,21 +339,22 @@ def _forget(handles: list[int]) -> None:
         memory.interpreted.pop(handle, None)
 
 
-def _interpreted(arena: np.ndarray, call: Call, faults: list[Exception]) -> Callable[[float], int]:
+def _interpreted(arena: np.ndarray, call: Call, kept: list[faults.Fault]) -> Callable[[float], int]:
     """The call as plain Python: the author's function over views of the arena, for each instance.
 
-    What it raises is kept in `faults`.
+    What it raises is kept.
     """
     arguments = [_views(arena, call, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)]
     python = call.function.python
 
     def run(time: float) -> int:
+        instance = 0
         try:
             with np.errstate(all="ignore"):
                 for instance in range(call.count):
                     python(*[time if a is None else a[instance]() for a in arguments])
         except Exception as error:
-            faults.append(error)
+            kept.append(faults.of_python(error, time, instance))
             return engine.ERROR
         return engine.OK
 
@@ -368,4 +369,6 @@ def _views(arena: np.ndarray, call: Call, name: str, place: Place | None) -> Any
     if place.shape == () and name not in call.function.writes:
         return [(lambda view=view: view[()]) for view in views]
     arrays = [view.reshape(1) if place.shape == () else view for view in views]
+    for array in arrays:
+        array.flags.writeable = name in call.function.writes
     return [(lambda array=array: array) for array in arrays]

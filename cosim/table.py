@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cosim import engine, order
-from cosim.adapters import run_time_dimensions, variable_of
+from cosim.adapters import FAULT_WORDS, run_time_dimensions, variable_of
 from cosim.block import Function, Input, Parameter, State, Variable
 from cosim.errors import FmuError
 from cosim.memory import ALIGNMENT, private
@@ -216,7 +216,7 @@ class _Builder:
         arguments = tuple(self._argument(slave, name, stage) for name in function.arguments)
         sizes = [slave.axes[name].size for name in run_time_dimensions(slave.declaration, slave.constants())]
         foreign = slave.declaration.foreign
-        words = [0, slave.count, *sizes, *[0] * (foreign.frame_words if foreign else 0)]
+        words = [*[0] * FAULT_WORDS, slave.count, *sizes, *[0] * (foreign.frame_words if foreign else 0)]
         for place in arguments:
             if place is not None:
                 words += [place.offset, place.stride]

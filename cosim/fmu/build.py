@@ -21,7 +21,7 @@ from typing import Literal
 from cosim import cache, engine
 from cosim.adapters import Source, block_source, raw_source
 from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
-from cosim.fmu import faults, source
+from cosim.fmu import source
 from cosim.fmu.model import Model
 from cosim.network import Slave
 
@@ -89,11 +89,10 @@ def find(names: Sequence[str] | None) -> list[Platform]:
 
 @dataclass(frozen=True)
 class Unit:
-    """One block type's kernels, or the loop, as it goes into one object file; `faults` names its table of texts."""
+    """One block type's kernels, or the loop, as it goes into one object file."""
 
     name: str
     sources: tuple[Source, ...]
-    faults: str | None
 
 
 def units(model: Model) -> tuple[list[Unit], list[str]]:
@@ -107,12 +106,12 @@ def units(model: Model) -> tuple[list[Unit], list[str]]:
             found[key] = _unit(slave, f"block{len(found)}")
         owner[name] = found[key].name
     symbols = [f"{owner[call.slave]}_{call.function.name}" for call in model.table.calls]
-    return [Unit("engine", loop, None), *found.values()], symbols
+    return [Unit("engine", loop), *found.values()], symbols
 
 
 def _unit(slave: Slave, name: str) -> Unit:
     sources = [block_source(slave.declaration, f, slave.constants()) for f in slave.declaration.functions]
-    return Unit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources), f"{name}_faults")
+    return Unit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources))
 
 
 class Objects:
@@ -132,15 +131,14 @@ class Objects:
             ir = compiler.compile_ir(unit.name, unit.sources)
             for symbol in (s.symbol for s in unit.sources):
                 ir = ir.replace(f"define i32 @{symbol}(", f"define hidden i32 @{symbol}(")
-            self._ir[unit.name] = faults.with_texts(ir, unit.faults) if unit.faults else ir
-        keep = [s.symbol for s in unit.sources] + ([unit.faults] if unit.faults else [])
-        code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", keep, unit.name)
+            self._ir[unit.name] = ir
+        symbols = [s.symbol for s in unit.sources]
+        code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", symbols, unit.name)
         cache.write(path, code)
         return code
 
     def _key(self, unit: Unit, platform: Platform) -> str:
-        parts = [Path(module).read_text() for module in (__file__, faults.__file__)]
-        parts += [*cache.toolchain(), platform.triple, platform.cpu]
+        parts = [Path(__file__).read_text(), *cache.toolchain(), platform.triple, platform.cpu]
         parts += [source.symbol + source.fingerprint for source in unit.sources]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
@@ -152,9 +150,8 @@ def library(model: Model, version: str, token: str, platform: Platform, objects:
     """The shared library of a model in a work folder. Raises: KernelError, CompilerMissing, BuildFailed."""
     folder.mkdir(parents=True)
     parts, symbols = units(model)
-    texts = [unit.faults for unit in parts if unit.faults]
     (folder / "layout.h").write_text(source.layout())
-    (folder / "model.c").write_text(source.model(model, version, token, symbols, texts))
+    (folder / "model.c").write_text(source.model(model, version, token, symbols))
     files = [str(folder / "model.c")]
     files += [str(WRAPPER / name) for name in ("instance.c", "evaluation.c", "snapshot.c", f"fmi{version[0]}.c")]
     for unit in parts:

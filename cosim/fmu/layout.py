@@ -1,13 +1,15 @@
 """The tables that the adapter walks, in words of 64 bits: filled by `cosim.fmu.instance`, read by `cosim.fmu.adapter`.
 
-A frame is ``[fault, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that all
+A frame is ``[fault…, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that all
 calls of one block share, `plan` of one that belongs to the call. A plan lists rows, one for each variable exchanged.
 """
+
+from cosim.adapters import INSTANCES
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 
 # A frame's words before the arguments.
-FAULT, COUNT, LINK, PLAN, FIRST = range(5)
+COUNT, LINK, PLAN, FIRST = range(INSTANCES, INSTANCES + 4)
 
 # What all calls of a block share. Functions are addresses, 0 where the FMU has none.
 LINK_WORDS = 48

@@ -18,8 +18,8 @@ def layout() -> str:
     return "\n".join(["#ifndef COSIM_LAYOUT_H", "#define COSIM_LAYOUT_H", "enum {", *lines, "};", "#endif", ""])
 
 
-def model(exported: Model, version: str, token: str, kernels: Sequence[str], faults: Sequence[str]) -> str:
-    """The constant `model`. kernels: the symbol of each call's function; faults: the symbols of the tables of texts."""
+def model(exported: Model, version: str, token: str, kernels: Sequence[str]) -> str:
+    """The constant `model`. kernels: the symbol of each call's function."""
     done = operations(exported)
     image, started = _image(exported, done)
     return "\n".join(
@@ -27,21 +27,19 @@ def model(exported: Model, version: str, token: str, kernels: Sequence[str], fau
             '#include "model.h"',
             "",
             *(f"int32_t {name}(double, uint8_t *, int64_t *);" for name in dict.fromkeys(kernels)),
-            *(f"extern const Fault {name}[];" for name in faults),
             "",
             _array("static const int64_t operations", map(str, done.rows.reshape(-1))),
             _array("static const int64_t banks", map(str, exported.table.banks.reshape(-1))),
             _array("static const Kernel functions", kernels),
             _array("static const char *const labels", (_quote(c.function.name) for c in exported.table.calls)),
             _array("static const char *const blocks", (_quote(c.slave) for c in exported.table.calls)),
-            _array("static const Fault *const faults", faults),
             _array("static const Started started", started),
             _array("static const int64_t periods", map(str, exported.periods)),
             *_segments(image),
             _array("static const Variable variables", _variables(exported, version)),
             _array("static const Scalar scalars", _scalars(exported) if version == "2.0" else []),
             "",
-            *_constant(exported, done, token, len(image), len(faults), len(started)),
+            *_constant(exported, done, token, len(image), len(started)),
         ]
     )
 
@@ -98,7 +96,7 @@ def _scalars(exported: Model) -> Iterator[str]:
     return (f"{{{scalar.variable}, {scalar.element}}}" for scalar in description.scalars(exported))
 
 
-def _constant(exported: Model, done: Operations, token: str, size: int, faults: int, started: int) -> Iterator[str]:
+def _constant(exported: Model, done: Operations, token: str, size: int, started: int) -> Iterator[str]:
     built = exported.table
     yield "const Model model = {"
     yield f"    .token = {_quote(token)},"
@@ -106,7 +104,7 @@ def _constant(exported: Model, done: Operations, token: str, size: int, faults: 
     yield f"    .arena_bytes = {-(-size // 8) * 8},"
     yield "    .segments = segments, .n_segments = sizeof segments / sizeof *segments, .words = words,"
     yield "    .operations = operations, .banks = banks, .functions = functions, .labels = labels, .blocks = blocks,"
-    yield f"    .faults = faults, .n_faults = {faults}, .n_states = {built.states},"
+    yield f"    .n_states = {built.states},"
     yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.vectors.items())
     yield "    " + " ".join(f".{name} = {{{begin}, {end}}}," for name, (begin, end) in done.ranges.items())
     yield f"    .started = started, .n_started = {started}, .periods = periods, .n_periods = {len(exported.periods)},"

@@ -2,17 +2,24 @@
 #include "instance.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 static const double ROUNDING = 1e-9; /* relative to a step: what rounding may do to a time */
 
 /* ---- calling the loop ---------------------------------------------------------------------------------------- */
 
-static const char *fault_text(const void *record) {
-    for (uint32_t f = 0; f < model.n_faults; f++)
-        for (const Fault *fault = model.faults[f]; fault->text; fault++)
-            if (fault->record == record) return fault->text;
-    return "an error";
+/* What went wrong, with `#` doubled, as FMI's log messages want it. */
+static void fault_text(const Fault *fault, char *text, size_t size) {
+    char plain[512];
+    snprintf(plain, sizeof plain, fault->text ? fault->text : "an error", (long long)fault->first,
+             (long long)fault->second);
+    size_t n = 0;
+    for (const char *c = plain; *c && n + 2 < size; c++) {
+        if (*c == '#') text[n++] = '#';
+        text[n++] = *c;
+    }
+    text[n] = 0;
 }
 
 static Status explain(Instance *i, int32_t status, double time) {
@@ -30,11 +37,13 @@ static Status explain(Instance *i, int32_t status, double time) {
     const int64_t *operation = model.operations + c[ENGINE_AT] * ENGINE_OPERATION_WORDS;
     const int64_t function = operation[ENGINE_A];
     uint8_t *frame = i->arena + operation[ENGINE_B];
-    const void *record;
-    memcpy(&record, frame, sizeof record);
-    memset(frame, 0, 8);
-    return tell(i, status == FATAL ? FATAL : ERROR, LOG_ERROR, "%s: %s (%s() at t = %g s)", model.blocks[function],
-                fault_text(record), model.labels[function], time);
+    Fault fault;
+    char text[768];
+    memcpy(&fault, frame, sizeof fault);
+    memset(frame, 0, sizeof fault);
+    fault_text(&fault, text, sizeof text);
+    return tell(i, status == FATAL ? FATAL : ERROR, LOG_ERROR, "%s: %s in %s() at t = %g s", model.blocks[function],
+                text, model.labels[function], fault.text ? fault.time : time);
 }
 
 static double grid_time(const Instance *i) {

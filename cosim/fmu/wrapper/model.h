@@ -9,10 +9,11 @@
 /* The C ABI of kernels and of the loop, see `cosim.kernels`; the result is an FMI status. */
 typedef int32_t (*Kernel)(double time, uint8_t *base, int64_t *frame);
 
-/* A text for each record of an exception that numba put into an object file; the last row is {0, 0}. */
+/* What a kernel that fails leaves at the begin of its frame, see `cosim.checks`. text: a format for both numbers. */
 typedef struct {
-    const void *record;
     const char *text;
+    int64_t first, second, instance;
+    double time;
 } Fault;
 
 typedef enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN } Type;
@@ -71,8 +72,6 @@ typedef struct {
     const Kernel *functions;
     const char *const *labels; /* of each function: the block and the function's name */
     const char *const *blocks; /* of each function: the block */
-    const Fault *const *faults;
-    uint32_t n_faults;
 
     uint64_t n_states;
     uint64_t x, w, start, sum, d; /* the vectors of states, see engine.py */
