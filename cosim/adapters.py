@@ -6,6 +6,7 @@ import hashlib
 import types
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -98,7 +99,7 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
 
 
 def fingerprint(function: Any) -> str:
-    """A text that changes whenever compiling the function could give other code: bytecode and all that it reaches."""
+    """A text that changes whenever compiling could give other code: bytecode, its lines, and all that it reaches."""
     digest = hashlib.sha256()
     _feed(digest, function, set())
     return digest.hexdigest()
@@ -126,6 +127,7 @@ def _feed(digest: Any, value: Any, seen: set[int]) -> None:
 
 def _feed_code(digest: Any, code: types.CodeType, scope: dict[str, Any], seen: set[int]) -> None:
     digest.update(code.co_code)
+    digest.update(repr((Path(code.co_filename).name, code.co_firstlineno, code.co_linetable)).encode())  # for faults
     digest.update(repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):

@@ -19,6 +19,7 @@ from llvmlite import ir
 from numba.core import callconv, cgutils, compiler, config, cpu, errors, types
 from numba.core import ir as statements
 from numba.core.compiler_machinery import register_pass
+from numba.core.ir_utils import get_definition, guard
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
 
@@ -105,17 +106,17 @@ class CallConvention(callconv.CPUCallConv):
         status = self._get_return_status(builder, code, builder.load(fault))
         return status, self.context.get_returned_value(builder, resty, builder.load(result))
 
-    def _write(self, builder: Any, text: str, site: Site | None, first: Any = WORD(0), second: Any = WORD(0)) -> None:
+    def _write(self, builder: Any, text: str, site: Site | None, *numbers: Any) -> None:
         place = f" ({_escaped(str(site))})" if site else ""
         constant = self.context.insert_const_string(builder.module, text + place)
         kind = ir.FunctionType(ir.VoidType(), [BYTES, BYTES, WORD, WORD])
         write = cgutils.get_or_insert_function(builder.module, kind, "cosim_fault")
         fault = builder.bitcast(self._get_excinfo_argument(builder.function), BYTES)
-        builder.call(write, [fault, constant, first, second])
+        builder.call(write, [fault, constant, *(numbers or (WORD(0), WORD(0)))])
 
     def _leave(self, builder: Any) -> None:
         self.check_try_status(builder)
-        if caught := getattr(builder, "_in_try_block", False):
+        if caught := getattr(builder, "_in_try_block", None):
             builder.branch(caught["target"])
         else:
             self._return_errcode_raw(builder, FAULT)
@@ -146,8 +147,7 @@ class Lowering(Lower):
 
     def lower_inst(self, inst: Any) -> None:
         indexed = _indexed(inst)
-        name = indexed.name.partition(".")[0] if indexed else ""
-        named = "an array" if not name or name.startswith("$") else f"`{name}`"
+        named = self._name(indexed) if indexed else "an array"
         self.builder.site = Site(self.func_ir.loc.filename, inst.loc.line, named)
         if not self.func_ir.loc.filename.startswith("<"):
             if indexed and not isinstance(self.typeof(indexed.name), (types.Array, types.BaseTuple)):
@@ -185,6 +185,12 @@ class Lowering(Lower):
         with cgutils.if_unlikely(builder, wrong):
             text = f"ValueError: an array of size %lld along axis {axis} does not fit into one of size %lld"
             self.context.call_conv.return_fault(builder, text, size, needed)
+
+    def _name(self, variable: Any) -> str:
+        """A variable as the author wrote it."""
+        constant = guard(get_definition, self.func_ir, variable)
+        name = constant.name if isinstance(constant, (statements.Global, statements.FreeVar)) else variable.name
+        return "an array" if name.startswith("$") else f"`{name.partition('.')[0]}`"
 
     def _called(self, expression: Any) -> Any:
         kind = self.typeof(expression.func.name)
@@ -233,7 +239,9 @@ def _check_index(context: Any, builder: Any, index: Any, size: Any, axis: int | 
     with cgutils.if_unlikely(builder, builder.icmp_unsigned(">=", index, size)):
         negative = builder.icmp_signed("<", index, index.type(0))
         written = builder.select(negative, builder.sub(index, size), index)
-        text = f"IndexError: index %lld is out of bounds for axis {axis or 0} of {_escaped(builder.site.array)}, size %lld"
+        text = (
+            f"IndexError: index %lld is out of bounds for axis {axis or 0} of {_escaped(builder.site.array)}, size %lld"
+        )
         context.call_conv.return_fault(builder, text, written, size)
 
 

@@ -77,8 +77,8 @@ define void @NRT_incref(ptr %object) alwaysinline { ret void }
 define void @NRT_decref(ptr %object) alwaysinline { ret void }
 """
 
-#: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status. A fault is
-#: written to the frame, of which the function itself sees no word before the instances; its last word is the time.
+#: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status. A fault
+#: is written to the frame, of which the function itself sees no word before the instances; its last word is the time.
 _SHIM = """
 define i32 @{symbol}(double %time, ptr %base, ptr %frame) {{
   %result = alloca i32
@@ -138,6 +138,8 @@ def _explain(error: Exception, name: str, place: str) -> KernelError:
     found = [re.sub(r'^File "(.*)", line (\d+).*', r"\1:\2", line) for line in lines if line.startswith("File ")]
     named = [line for line in found if not line.startswith("<adapter")]
     text = next((line for line in lines if not line.startswith(("Failed in", "During:"))), type(error).__name__)
+    if re.search("read-?only", str(error)) or "object has no attribute 'args'" in text:  # which numba says of `u += 1`
+        text = "it writes to an input, a parameter or another array that is read-only"
     return KernelError(
         f"{name} cannot be compiled: {text} ({named[-1] if named else place})",
         fix="write results in place with loops and `math`, or declare the class with `compiled=False`",

@@ -144,3 +144,21 @@ def report_unsolved(slaves: dict[str, Slave], problems: Problems) -> None:
             message = f"block {slave.name}: nothing determines the dimension `{name}` of {slave.declaration.name}"
             fix = f"add `{name}: <size>` under blocks.{slave.name}.dimensions"
             problems.add(UnsolvedDimension(message, slave.entry.position, fix))
+
+
+def report_sizes(slaves: dict[str, Slave], values: Values, problems: Problems) -> None:
+    """A WrongShape for every variable with an axis of 0 elements, or of more than kernels can count.
+
+    Kernels are compiled for sizes from 1 to 2^31 - 1.
+    """
+    for slave in slaves.values():
+        for variable in slave.declaration.variables.values():
+            axes = slave.signal_axes(variable)
+            wrong = next((a.size for a in axes or () if not 0 < a.size < 1 << 31), None)
+            if wrong is None or slave.declaration.foreign:
+                continue
+            named = slave.entry.dimensions.values()
+            value = values.get((slave.name, variable.name))
+            place = value.position if value else next((n.position for n in named), slave.entry.position)
+            message = f"block {slave.name}: `{variable.name}` has an axis of {wrong} elements"
+            problems.add(WrongShape(message, place, "every dimension has from 1 to 2147483647 elements"))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import ctypes
+import linecache
 import re
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
 _HERE = str(Path(__file__).parent)
+_INDEX = re.compile(r"index (-?\d+) is out of bounds for axis (\d+) with size (\d+)")
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,24 @@ def of_kernel(frame: int) -> Fault | None:
 
 
 def of_python(error: Exception, time: float, instance: int) -> Fault:
-    """What an interpreted function raised."""
+    """What an interpreted function raised, in the words of a compiled one."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((_HERE, "<"))]
+    words = str(error)
+    if frames and (found := _INDEX.fullmatch(words)):
+        index, axis, size = found.groups()
+        words = f"index {index} is out of bounds for axis {axis} of {_array(frames[-1])}, size {size}"
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    words = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return Fault(words + place, time, instance, error)
+    text = f"{type(error).__name__}: {words}" if words else type(error).__name__
+    return Fault(text + place, time, instance, error)
+
+
+def _array(frame: traceback.FrameSummary) -> str:
+    """The name of the array that is indexed at a place of a source file."""
+    line = linecache.getline(frame.filename, frame.lineno or 0).encode()
+    try:
+        found = ast.parse(line[frame.colno : frame.end_colno].decode(), mode="eval").body
+    except SyntaxError:  # it goes over several lines
+        return "an array"
+    return (
+        f"`{found.value.id}`" if isinstance(found, ast.Subscript) and isinstance(found.value, ast.Name) else "an array"
+    )

@@ -127,7 +127,13 @@ def _helper(function: Callable[..., Any], disjoint: bool, checked: bool) -> Help
     reached = [function.__globals__.get(name) for name in sorted(_names(function.__code__))]
     reached += [function.__defaults__, *(cell.cell_contents for cell in function.__closure__ or ())]
     # What is not a number is kept alive by the helper that the key belongs to, so that its id stays its own.
-    key = (function.__code__, function.__code__.co_filename, disjoint, checked, *(repr(v) if isinstance(v, (int, float)) else id(v) for v in reached))
+    key = (
+        function.__code__,
+        function.__code__.co_filename,
+        disjoint,
+        checked,
+        *(repr(v) if isinstance(v, (int, float)) else id(v) for v in reached),
+    )
     if key not in _helpers:
         _helpers[key] = Helper(function, disjoint, checked)
     return _helpers[key]

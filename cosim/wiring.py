@@ -86,6 +86,7 @@ class _Wiring:
             self.problems.attempt(self._wires, slave)
         self._agree_on_integers()
         dimensions.solve(self.slaves, self.values, self.diagram.fleets, self.problems)
+        dimensions.report_sizes(self.slaves, self.values, self.problems)
         if not self.problems.errors:
             self.problems.attempt(order.initial_order, Network(self.diagram, self.slaves))
         if not self.problems.errors:  # else what is missing may only be a consequence

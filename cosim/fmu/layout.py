@@ -1,7 +1,7 @@
 """The tables that the adapter walks, in words of 64 bits: filled by `cosim.fmu.instance`, read by `cosim.fmu.adapter`.
 
-A frame is ``[fault…, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that all
-calls of one block share, `plan` of one that belongs to the call. A plan lists rows, one for each variable exchanged.
+A frame is ``[fault…, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that
+all calls of one block share, `plan` of one of the call's own. A plan lists rows, one for each variable exchanged.
 """
 
 from cosim.adapters import INSTANCES

@@ -125,6 +125,17 @@ class Types(Block):
         d_out[0] = d
 
 
+class Far(Block):
+    """Writes where its input says."""
+
+    u = Input(start=0.0)
+    y = Output(2)
+
+    def outputs(u, y):
+        y[0], y[1] = 1.0, 2.0
+        y[int(u)] = 3.0
+
+
 class Picky(Block):
     """Raises once its input is too large; explodes otherwise."""
 

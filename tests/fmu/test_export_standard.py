@@ -29,6 +29,7 @@ blocks:
   counter: {{python: {BLOCKS}:Counter, period: 0.03, inputs: {{u: wave.y}}}}
   types: {{python: {BLOCKS}:Types}}
   picky: {{python: {BLOCKS}:Picky}}
+  far: {{python: {BLOCKS}:Far}}
   plain: {{python: {BLOCKS}:Plain}}
 """
 VERSIONS = ("2.0", "3.0")
@@ -336,9 +337,35 @@ def test_a_blocks_exception_reaches_the_log(host, version):
     one.set("u", 2.0)
     with pytest.raises(FMICallException):
         one.step(STEP, STEP)
-    assert one.messages[-1] == "picky: ValueError: the input is too large (## 1) (derivatives() at t = 0.01 s)"
+    place = f"blocks_for_tests.py:{line_of('raise ValueError')}"
+    assert (
+        one.messages[-1] == f"picky: ValueError: the input is too large (## 1) ({place}) in derivatives() at t = 0.01 s"
+    )
     one.fmu.reset()
     one.initialize().step(0, STEP)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("index", [2, -3, 10**9])
+def test_an_index_out_of_bounds_ends_in_an_error_with_a_text(host, version, index):
+    one = host("far", version).initialize()
+    one.step(0, STEP)
+    one.set("u", -1.0)
+    one.step(STEP, STEP)
+    assert one.get("y").tolist() == [1.0, 3.0]  # counted from the end
+    one.set("u", float(index))
+    with pytest.raises(FMICallException):
+        one.step(2 * STEP, STEP)
+        one.get("y")
+    said = f"far: IndexError: index {index} is out of bounds for axis 0 of `y`, size 2"
+    assert one.messages[-1].startswith(f"{said} (blocks_for_tests.py:{line_of('y[int(u)]')}) in outputs() at t = 0.0")
+    one.fmu.reset()
+    one.initialize().step(0, STEP)
+
+
+def line_of(text: str) -> int:
+    """Where a text stands in the file of blocks."""
+    return next(n for n, line in enumerate(BLOCKS.read_text().splitlines(), 1) if text in line)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
