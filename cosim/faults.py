@@ -10,6 +10,8 @@ import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 _HERE = str(Path(__file__).parent)
 _INDEX = re.compile(r"index (-?\d+) is out of bounds for axis (\d+) with size (\d+)")
 
@@ -21,7 +23,6 @@ class Fault:
     text: str
     time: float
     instance: int
-    cause: Exception | None = None
 
 
 class _Record(ctypes.Structure):
@@ -36,26 +37,34 @@ class _Record(ctypes.Structure):
     )
 
 
-def of_kernel(frame: int) -> Fault | None:
-    """What a compiled kernel left in the frame at an address; None where it left nothing."""
+def left(frame: int) -> Fault | None:
+    """What a call that failed left in its frame, at an address; None where it left nothing."""
     record = _Record.from_address(frame)
     if not record.text:
         return None
     numbers = iter((record.first, record.second))
-    text = re.sub("%lld|%%", lambda m: "%" if m[0] == "%%" else str(next(numbers)), record.text.decode())
+    text = re.sub("%lld|%%", lambda m: "%" if m[0] == "%%" else str(next(numbers)), record.text.decode(errors="replace"))
     return Fault(text, record.time, record.instance)
 
 
-def of_python(error: Exception, time: float, instance: int) -> Fault:
-    """What an interpreted function raised, in the words of a compiled one."""
+def leave(frame: int, texts: np.ndarray, error: Exception, time: float, instance: int) -> None:
+    """Leave in a frame what an interpreted function raised, as a compiled one does; texts: bytes that stay."""
+    text = _text(error).replace("%", "%%").encode()[: len(texts) - 1] + b"\0"
+    texts[: len(text)] = np.frombuffer(text, np.uint8)
+    record = _Record.from_address(frame)
+    ctypes.c_int64.from_address(frame).value = texts.ctypes.data
+    record.instance, record.time = instance, time
+
+
+def _text(error: Exception) -> str:
+    """An exception with its place, in the words of a compiled function."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((_HERE, "<"))]
     words = str(error)
     if frames and (found := _INDEX.fullmatch(words)):
         index, axis, size = found.groups()
         words = f"index {index} is out of bounds for axis {axis} of {_array(frames[-1])}, size {size}"
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    text = f"{type(error).__name__}: {words}" if words else type(error).__name__
-    return Fault(text + place, time, instance, error)
+    return (f"{type(error).__name__}: {words}" if words else type(error).__name__) + place
 
 
 def _array(frame: traceback.FrameSummary) -> str:

@@ -25,6 +25,7 @@ from cosim.table import Call, Place, Table, copy_of
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 BATCH_SECONDS = 0.04
+TEXT_BYTES = 1024  # of what a function that raised says
 BUFFER_BYTES = 4_000_000
 _handles = count(1)
 
@@ -117,7 +118,8 @@ class Simulation:
         self.arena = copy_of(table.arena, self._zeros)
         self.probes = probes
         self._initialized = False
-        self._faults: list[faults.Fault] = []
+        self._texts = self._zeros(TEXT_BYTES)
+        self._causes: list[Exception] = []
         self._keep: list[Any] = []
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
@@ -160,7 +162,7 @@ class Simulation:
         if foreign := self.table.network.slaves[call.slave].declaration.foreign:
             base = self.arena.ctypes.data
             return lambda time: foreign.kernel(time, base, base + call.frame)
-        return _interpreted(self.arena, self.table.calls[n], self._faults)
+        return _interpreted(self.arena, self.table.calls[n], self._texts, self._causes)
 
     def _build_control(self, functions: np.ndarray) -> None:
         table = self.table
@@ -315,13 +317,12 @@ class Simulation:
         call = self.table.calls[call_index]
         if call.slave in self._parts:
             raise self._host.failure(call.slave, self.time)
-        found = self._faults[-1] if self._faults else faults.of_kernel(self.arena.ctypes.data + call.frame)
-        fault = found or faults.Fault("an error", self.time, 0)
+        fault = faults.left(self.arena.ctypes.data + call.frame) or faults.Fault("an error", self.time, 0)
         slave = self.table.network.slaves[call.slave]
         member = f" of {slave.fleet} {fault.instance + 1}" if slave.fleet else ""
         message = f"block {call.slave}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
         fix = "run with `--engine python` to step through the block"
-        raise BlockFailed(message, slave.entry.position, fix) from fault.cause
+        raise BlockFailed(message, slave.entry.position, fix) from (self._causes[-1] if self._causes else None)
 
     def value(self, signal: Signal) -> np.ndarray:
         """A signal now, as a copy (instances…, *shape)."""
@@ -339,10 +340,10 @@ def _forget(handles: list[int]) -> None:
         memory.interpreted.pop(handle, None)
 
 
-def _interpreted(arena: np.ndarray, call: Call, kept: list[faults.Fault]) -> Callable[[float], int]:
+def _interpreted(arena: np.ndarray, call: Call, texts: np.ndarray, causes: list[Exception]) -> Callable[[float], int]:
     """The call as plain Python: the author's function over views of the arena, for each instance.
 
-    What it raises is kept.
+    What it raises is left in the frame, with the text in `texts`, and kept in `causes`.
     """
     arguments = [_views(arena, call, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)]
     python = call.function.python
@@ -354,7 +355,8 @@ def _interpreted(arena: np.ndarray, call: Call, kept: list[faults.Fault]) -> Cal
                 for instance in range(call.count):
                     python(*[time if a is None else a[instance]() for a in arguments])
         except Exception as error:
-            kept.append(faults.of_python(error, time, instance))
+            faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
+            causes.append(error)
             return engine.ERROR
         return engine.OK
 
