@@ -43,7 +43,8 @@ def left(frame: int) -> Fault | None:
     if not record.text:
         return None
     numbers = iter((record.first, record.second))
-    text = re.sub("%lld|%%", lambda m: "%" if m[0] == "%%" else str(next(numbers)), record.text.decode(errors="replace"))
+    text = record.text.decode(errors="replace")
+    text = re.sub("%lld|%%", lambda m: "%" if m[0] == "%%" else str(next(numbers)), text)
     return Fault(text, record.time, record.instance)
 
 
