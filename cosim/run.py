@@ -88,6 +88,7 @@ class Run:
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
     prepared: a table of this network with its kernels, where there is one already.
+    attributes: what else the result's file says of itself.
     """
 
     def __init__(
@@ -97,11 +98,13 @@ class Run:
         output: Path | None = None,
         began: float | None = None,
         prepared: tuple[Table, Kernels] | None = None,
+        attributes: Mapping[str, str] | None = None,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         self.network = network
         self.engine = engine
         self.output = output
+        self.attributes = dict(attributes or {})
         settings = network.diagram.run
         self.metrics, self._warnings = reduced(network)
         self._events = _events(network)
@@ -223,6 +226,7 @@ class Run:
             "settings": settings,
             "method": diagram.run.method,
             "engine": self.engine,
+            **self.attributes,
         }
         recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]
         return results.ResultWriter(self.output, recorded, attributes)

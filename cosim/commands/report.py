@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from cosim.commands.study import study_arguments
+from cosim.plot.style import FORMATS
 from cosim.report import document
 from cosim.study import command
 
@@ -13,6 +14,8 @@ from cosim.study import command
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     study_arguments(parser)
+    help_ = "write each figure as a file too, results/<study>/<figure>.FORMAT"
+    parser.add_argument("--pictures", choices=FORMATS, default="", metavar="|".join(FORMATS), help=help_)
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.html", help="default: results/<study>/report.html")
 
 
@@ -22,6 +25,8 @@ def run(options: argparse.Namespace) -> int:
         options.output or options.results / (options.study[0].stem if len(options.study) == 1 else "") / "report.html"
     )
     document.refuse_foreign(output)
-    document.write(output, [command.run(path, options) for path in options.study])
+    command.check_folders(options.study)
+    studies = [command.run(path, options) for path in options.study]
+    document.write(output, studies, options.pictures)
     print(f"reported in {output}")
-    return 0
+    return max(map(command.exit_code, studies))

@@ -7,14 +7,27 @@ from pathlib import Path
 
 from cosim.study import command
 
+MOST_THREADS = 1024
+EXIT_CODES = """Exit codes: 0 if members have come to their end, also if others failed (the summary says how many, and
+why); 1 if not one has; 2 for bad input; 130 if interrupted: what is finished is kept, and the same command goes on from
+there."""
+
 
 def study_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the commands that run studies."""
+    parser.epilog = EXIT_CODES
     parser.add_argument("study", type=Path, nargs="+", help="a YAML study")
     parser.add_argument("--set", action="append", default=[], metavar="a.b=VALUE", help="change one value of the study")
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads (default: one each processor)")
+    help_ = "threads (default: 0, one each processor)"
+    parser.add_argument("--threads", type=_threads, default=0, metavar="N", help=help_)
     parser.add_argument("--dask", default="", metavar="ADDRESS", help="run on a Dask cluster")
     parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help="default: results/")
+
+
+def _threads(text: str) -> int:
+    if not (text.isdecimal() and int(text) <= MOST_THREADS):
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to {MOST_THREADS}")
+    return int(text)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

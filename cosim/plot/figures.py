@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import grammar, source
-from cosim.errors import PlotError, Problems, WrongType
+from cosim.errors import PlotError, Position, Problems, WrongType
 from cosim.grammar import Reader
 from cosim.plot import lines, plane, style
 from cosim.plot.distribution import Distribution
@@ -33,9 +33,10 @@ _PANEL: dict[str, Any] = {
 
 @dataclass
 class Figure:
-    """A figure of a study. members: the runs that it shows, all if none is named."""
+    """A figure of a study. members: the runs that it shows, all if none is named. position: where it is described."""
 
     name: str
+    position: Position
     caption: str = ""
     members: Sequence[str] = ()
     columns: int = 1
@@ -44,12 +45,20 @@ class Figure:
     plane: Plane | None = None
     distribution: Distribution | None = None
 
+    def signals(self) -> list[str]:
+        """The names of the signals that it shows, without the elements of them that it takes."""
+        shown = [text for panel in self.panels for text in (*panel.signals, panel.over)]
+        shown += [self.plane.positions, self.plane.references, self.plane.radii] if self.plane else []
+        return list(dict.fromkeys(text.partition("[")[0].strip() for text in shown if text))
+
     def draw(self, files: Mapping[str, Path], output: Path) -> None:
         """Draw it from the members' result files. Raises: PlotError, ResultError."""
         chosen = self.members or list(files)
         missing = [name for name in chosen if name not in files]
         if missing:
-            raise PlotError(f"{self.name}: member `{missing[0]}` has no recorded signals", fix="add `record: true`")
+            raise PlotError(f"member `{missing[0]}` has no recorded signals", fix="see in the summary why it failed")
+        if not chosen:
+            raise PlotError("no member has recorded signals", fix="see in the summary why they failed")
         with ExitStack() as stack:
             runs = {name: stack.enter_context(Result(files[name])) for name in chosen}
             stack.enter_context(style.style())
@@ -71,7 +80,7 @@ def read(figures: Mapping[str, Node], problems: Problems) -> list[Figure]:
 
 def _figure(name: str, node: Node, reader: Reader) -> Figure:
     entries, where = node.value, f"figures.{name}"
-    figure = Figure(name)
+    figure = Figure(name, node.place)
     if "caption" in entries:
         figure.caption = reader.text(entries["caption"], f"{where}.caption")
     figure.members = _texts(entries.get("members"), f"{where}.members", reader)
@@ -84,9 +93,13 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
         texts = {
             k: reader.text(entries[k], f"{where}.{k}") for k in ("positions", "references", "radii") if k in entries
         }
+        if not texts.get("positions"):
+            reader.missing(node, f"`{where}` has no `positions`", "write positions: plant.x")
         figure.plane = Plane(at=_numbers(entries.get("at"), f"{where}.at", reader), **{"positions": "", **texts})
         return figure
     if kind == "distribution":
+        if "metric" not in entries:
+            reader.missing(node, f"`{where}` has no `metric`", "write metric: min_gap")
         figure.distribution = _distribution(entries, where, reader)
         return figure
     panels = entries["panels"].value if "panels" in entries else []
@@ -114,6 +127,8 @@ def _thresholds(entries: dict[str, Node], where: str, reader: Reader) -> dict[st
 def _panel(where: str, node: Node, reader: Reader) -> Panel:
     entries = grammar.conform(node, reader.problems, _PANEL, where).value
     panel = Panel(_texts(entries.get("signals"), f"{where}.signals", reader))
+    if "signals" not in entries:
+        reader.missing(node, f"`{where}` has no `signals`", "write signals: plant.x")
     for key in ("label", "title", "over", "over_label"):
         if key in entries:
             setattr(panel, key, reader.text(entries[key], f"{where}.{key}"))

@@ -15,12 +15,12 @@ from string import Template
 import numpy as np
 
 from cosim import files
-from cosim.errors import Problems, ResultError
-from cosim.plot import distribution, figures
+from cosim.errors import PlotError, ResultError
+from cosim.plot import distribution
 from cosim.plot.figures import Figure
 from cosim.report import words
 from cosim.results import versions
-from cosim.study import tables
+from cosim.study import names, tables
 from cosim.study.dataset import scalar
 from cosim.study.executors import processors
 from cosim.study.member import Row
@@ -31,13 +31,14 @@ from cosim.study.tables import Table
 HEAD_BYTES = 4096  # of a page, in which it says what made it
 
 
-def write(path: Path, studies: Sequence[Results]) -> None:
+def write(path: Path, studies: Sequence[Results], pictures: str = "") -> None:
     """Write the report of some studies that have been run, in the place of an older one.
 
-    Raises: ResultError, PlotError, DiagramErrors.
+    pictures: a format in which every figure is written as a file too, in its study's folder.
+    Raises: ResultError, PlotError.
     """
     title = studies[0].study.title if len(studies) == 1 else "Report"
-    sections = [_section(results) for results in studies]
+    sections = [_section(results, pictures) for results in studies]
     links = [f'<a href="#{_anchor(results)}">{escape(results.study.title)}</a>' for results in studies]
     page = Template(resources.files("cosim.report").joinpath("template.html").read_text(encoding="utf-8"))
     text = page.substitute(
@@ -76,7 +77,7 @@ def _anchor(results: Results) -> str:
     return escape(results.study.path.stem)
 
 
-def _section(results: Results) -> str:
+def _section(results: Results, pictures: str) -> str:
     study, rows = results.study, list(results.rows())
     parts = [f'<section id="{_anchor(results)}"><h2>{escape(study.title)}</h2>']
     if study.description:
@@ -84,13 +85,13 @@ def _section(results: Results) -> str:
     parts.append(_list(f"{v.name}: {v.description}" for v in study.variants.values() if v.description))
     parts += [_table(table) for table in tables.tables(results)]
     if study.references:
-        origins = escape(" and ".join(study.references))
+        origins = escape(" and ".join(study.origins))
         parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
-        parts.append(_list(words.differences(study, rows)))
+        parts.append(_list(words.differences(study, rows, results.reductions)))
     parts.append(_list(words.events(study, rows)))
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
-    parts += _pictures(results, rows)
+    parts += _pictures(results, rows, pictures)
     parts += ["<h3>What this was computed from</h3>", _list([*words.failures(study, rows), _timing(results, rows)])]
     parts.append(_details("the study", study.text))
     for name in study.variants:
@@ -102,35 +103,48 @@ def _table(table: Table) -> str:
     head = "".join(f"<th>{escape(cell)}</th>" for cell in table.head)
     body = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
-    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table>"
+    made = f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>\n{body}\n</tbody></table>"
+    return made + "".join(f"<p>{escape(note)}</p>" for note in table.notes)
 
 
 def _beside(results: Results, rows: list[Row]) -> Table:
     """Our figures beside those of the study's references."""
-    origins = list(results.study.references)
+    origins = list(results.study.origins)
     lines = []
-    for item in words.compared(results.study, rows):
+    for item in words.compared(results.study, rows, results.reductions):
         theirs = [f"{item.theirs[o]:.3g}" if o in item.theirs else "" for o in origins]
         ratios = [f"{item.ours / item.theirs[o]:.3g}" if item.theirs.get(o) else "" for o in origins]
         lines.append([item.variant, item.metric, f"{item.ours:.3g}", *theirs, *ratios])
     return Table("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
 
 
-def _pictures(results: Results, rows: list[Row]) -> list[str]:
-    """Every figure of the study, inlined."""
-    problems = Problems()
-    made = figures.read(results.study.figures, problems)
-    problems.raise_if_any()
-    files = {row["name"]: Path(row["file"]) for row in rows if row.get("file")}
+def _pictures(results: Results, rows: list[Row], pictures: str) -> list[str]:
+    """Every figure of the study, inlined, and as a file if that is wanted."""
+    recorded = results.files() if results.study.records else {}
+    found = []
     with tempfile.TemporaryDirectory() as folder:
-        return [_picture(figure, results, rows, files, Path(folder) / "figure.svg") for figure in made]
+        for figure in results.study.figures:
+            if pictures:
+                _draw(figure, results, rows, recorded, results.folder / f"{names.stem(figure.name)}.{pictures}")
+            file = Path(folder) / "figure.svg"
+            _draw(figure, results, rows, recorded, file)
+            found.append(_picture(figure, file))
+    return found
 
 
-def _picture(figure: Figure, results: Results, rows: list[Row], files: dict[str, Path], file: Path) -> str:
-    if figure.distribution:
-        distribution.draw(figure.distribution, _groups(results.study, rows, figure.distribution.metric), file)
-    else:
-        figure.draw(files, file)
+def _draw(figure: Figure, results: Results, rows: list[Row], recorded: dict[str, Path], file: Path) -> None:
+    """Draw a figure. Raises: PlotError, at the figure's place in the study."""
+    try:
+        if figure.distribution:
+            distribution.draw(figure.distribution, _groups(results.study, rows, figure.distribution.metric), file)
+        else:
+            figure.draw(recorded, file)
+    except PlotError as error:
+        position = error.position or figure.position
+        raise PlotError(f"`figures.{figure.name}`: {error.message}", position, error.fix) from None
+
+
+def _picture(figure: Figure, file: Path) -> str:
     data = base64.b64encode(file.read_bytes()).decode()
     text = f"{figure.name}. {figure.caption}"
     image = f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(text, quote=True)}">'

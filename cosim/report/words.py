@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from cosim.source import Node
 from cosim.study.dataset import scalar
 from cosim.study.member import Row
 from cosim.study.model import Column, Question, Study
 from cosim.study.running import FAILED
-from cosim.study.tables import cell, satisfies
+from cosim.study.tables import cell, heading, satisfies, with_statistic
 from cosim.terminal import format_value
 
 AGREES = 0.1
@@ -26,7 +25,7 @@ EVENTS_OF = 12
 
 @dataclass(frozen=True)
 class Compared:
-    """One figure of ours beside one from elsewhere."""
+    """One figure of ours beside one from elsewhere. metric: its name, with the statistic if it is of several runs."""
 
     variant: str
     metric: str
@@ -34,20 +33,25 @@ class Compared:
     theirs: dict[str, float]
 
 
-def compared(study: Study, rows: list[Row]) -> list[Compared]:
-    """Every figure that the study's references name, beside ours; the largest, if several members have it."""
+def compared(study: Study, rows: list[Row], reductions: Mapping[str, str]) -> list[Compared]:
+    """Every figure that the study's references name, beside ours, reduced over all members of the variant."""
     found: dict[tuple[str, str], dict[str, float]] = {}
-    for origin, variants in study.references.items():
-        for variant, metrics in variants.items():
-            for metric, value in metrics.items():
-                found.setdefault((variant, metric), {})[origin] = value
-    return [Compared(v, m, _figure(study, rows, v, m), theirs) for (v, m), theirs in found.items()]
+    columns: dict[str, Column] = {}
+    for item in study.references:
+        metric = str(item.metric.value)
+        columns[metric] = with_statistic(Column(metric, item.metric), reductions)
+        found.setdefault((item.variant, metric), {})[item.origin] = item.value
+    members = {variant: [row for row in rows if row["variant"] == variant] for variant, _ in found}
+    return [
+        Compared(v, heading(columns[m]) if len(members[v]) > 1 else m, cell(columns[m], members[v]), theirs)
+        for (v, m), theirs in found.items()
+    ]
 
 
-def differences(study: Study, rows: list[Row]) -> Iterator[str]:
+def differences(study: Study, rows: list[Row], reductions: Mapping[str, str]) -> Iterator[str]:
     """For each source of references: how many figures agree, how many are lower, and each one that differs."""
-    items = compared(study, rows)
-    for origin in study.references:
+    items = compared(study, rows, reductions)
+    for origin in study.origins:
         own = [item for item in items if origin in item.theirs]
         agree = [item for item in own if _agree(item.ours, item.theirs[origin])]
         lower = [item for item in own if item.ours <= item.theirs[origin]]
@@ -179,18 +183,6 @@ def _holds(question: Question, row: Row) -> bool:
     number = scalar(row["metrics"].get(str(question.metric.value)))
     complete = row["status"] == "completed"
     return complete and bool(satisfies(np.array(number), question.above, question.below))
-
-
-def _figure(study: Study, rows: list[Row], variant: str, metric: str) -> float:
-    place = study.variants[variant].diagram_position
-    own = [row for row in rows if row["variant"] == variant]
-    statistic = "min" if _reduces_to_minimum(study, metric) else "max"
-    return cell(Column(metric, Node(metric, place), statistic), own) if own else float("nan")
-
-
-def _reduces_to_minimum(study: Study, metric: str) -> bool:
-    columns = [column for table in study.tables for column in table.columns if str(column.metric.value) == metric]
-    return any(column.statistic == "min" for column in columns)
 
 
 def _listed(names: list[str]) -> str:

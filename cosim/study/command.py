@@ -6,26 +6,47 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from cosim import terminal
-from cosim.errors import CosimError
-from cosim.study import dataset, description, display, running, tables
+from cosim.errors import CosimError, ResultError
+from cosim.exits import DONE, STOPPED
+from cosim.study import dataset, description, display, names, running, tables
 from cosim.study.running import Options, Results
 
 REASONS_SHOWN = 5
 
 
 def study(options: argparse.Namespace) -> int:
-    """Run each study. Returns the exit code: 0 also if members failed, as that is a result."""
+    """Run each study. Returns the exit code, as of `exit_code`."""
+    check_folders(options.study)
+    codes = []
     for path in options.study:
         if options.member:
-            _run_member(description.load(path, options.set), options.member, options.results / path.stem)
+            study = description.load(path, options.set)
+            codes.append(_run_member(study, options.member, options.results / path.stem))
             continue
         results = run(path, options)
         _report(results, options.json)
-    return 0
+        codes.append(exit_code(results))
+    return max(codes)
+
+
+def exit_code(results: Results) -> int:
+    """0, also if some members failed, as that may be what the study is about; 1 if not one has come to its end."""
+    return DONE if running.summary(results)["counts"].get("completed") else STOPPED
+
+
+def check_folders(paths: Sequence[Path]) -> None:
+    """Each study has a folder of its own. Raises: ResultError if two studies of one call have not."""
+    known: dict[str, Path] = {}
+    for path in paths:
+        if (name := names.folded(path.stem)) in known:
+            message = f"{known[name]} and {path} would be written to one folder, `{path.stem}`"
+            raise ResultError(message, fix="rename one of them, or run them with different --results")
+        known[name] = path
 
 
 def run(path: Path, options: argparse.Namespace) -> Results:
@@ -55,19 +76,24 @@ def _report(results: Results, as_json: bool) -> None:
     for table in tables.tables(results):
         display.show(table)
     counts = ", ".join(f"{count} {status}" for status, count in summary["counts"].items())
+    counts += "" if summary["failed"] else ", none failed"
     before = f", {results.reused} needed no run" if results.reused else ""
     print(f"\n{results.total} members: {counts} (ran {results.ran} in {results.seconds:.3g} s{before})")
     print(f"recorded in {results.folder / 'study.nc'}")
+    reasons = list(summary["reasons"].items())
     warnings = [
         CosimError(f"{count} × {reason}", fix=f"replay the first: cosim study {results.study.path} --member {name}")
-        for reason, (count, name) in list(summary["reasons"].items())[:REASONS_SHOWN]
+        for reason, (count, name) in reasons[:REASONS_SHOWN]
     ]
+    if len(reasons) > REASONS_SHOWN:
+        warnings.append(CosimError(f"{len(reasons) - REASONS_SHOWN} more reasons", fix="--json lists all of them"))
     terminal.print_warnings(warnings)
 
 
-def _run_member(study: Any, name: str, folder: Path) -> None:
+def _run_member(study: Any, name: str, folder: Path) -> int:
     began = time.perf_counter()
     chosen, row = running.run_one(study, name, folder)
     terminal.metrics_table(row["metrics"])
     print(f"\n{row['status']} after {row['steps']} steps ({time.perf_counter() - began:.3g} s) {row['reason']}")
     print(f"recorded in {running.member_file(folder, chosen)}")
+    return DONE if row["status"] == "completed" else STOPPED

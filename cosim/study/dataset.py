@@ -13,7 +13,7 @@ import numpy as np
 
 from cosim.errors import ResultError
 from cosim.results import NOT_A_VARIABLE, versions
-from cosim.study.description import short_names
+from cosim.study.description import short_name
 from cosim.study.member import Row
 from cosim.study.model import Study
 from cosim.study.running import Results
@@ -35,7 +35,7 @@ def write(path: Path, results: Results) -> None:
             for name, variable in {**coordinates, **variables}.items():
                 _create(file, name, variable)
         os.replace(fresh, path)
-    except OSError as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise ResultError(f"cannot write {path}: {error}", fix="choose a folder that you may write to") from None
     finally:
         fresh.unlink(missing_ok=True)
@@ -46,6 +46,7 @@ def _create(file: Any, name: str, variable: Variable) -> None:
     import h5py
 
     dimensions, values, about = variable
+    name, dimensions = netcdf_name(name), tuple(map(netcdf_name, dimensions))
     kind = h5py.string_dtype() if values.dtype == object else values.dtype
     made = file.create_dataset(name, data=values, dtype=kind, track_order=True)
     made.attrs.update(about)
@@ -57,6 +58,11 @@ def _create(file: Any, name: str, variable: Variable) -> None:
             file.create_dataset(dimension, (size,), ">f4", track_order=True)
             file[dimension].make_scale(f"{NOT_A_VARIABLE}{size:10d}")
         made.dims[axis].attach_scale(file[dimension])
+
+
+def netcdf_name(name: str) -> str:
+    """netCDF reserves `/` for groups."""
+    return name.replace("/", ".")
 
 
 def scalar(value: Any) -> float:
@@ -71,8 +77,7 @@ def scalar(value: Any) -> float:
 def _coordinates(study: Study) -> dict[str, Variable]:
     found: dict[str, Variable] = {"variant": (("variant",), np.array(list(study.variants), object), {})}
     for axis in study.grid:
-        numbers = all(isinstance(value, int | float) for value in axis.values)
-        values = np.array(axis.values, float) if numbers else np.array([json.dumps(v) for v in axis.values], object)
+        values = np.array(axis.values, float) if axis.numeric else np.array(axis.labels, object)
         found[axis.name] = (axis.name,), values, {"long_name": ", ".join(axis.paths)}
     if study.random:
         found["draw"] = ("draw",), np.arange(study.random.count), {"long_name": "number of the random draw"}
@@ -120,10 +125,9 @@ def _drawn(results: Results) -> dict[str, Variable]:
     """What was drawn, as variables over the draws."""
     if results.draws is None:
         return {}
-    drawn = list(results.draws.values())
-    names = short_names(",".join(draw.paths) for draw, _ in drawn)
     found: dict[str, Variable] = {}
-    for name, (draw, values) in zip(names, drawn, strict=True):
+    for draw, values in results.draws.values():
+        name = short_name(",".join(draw.paths))
         axes = tuple(f"{name}_axis{q}" for q in range(values.ndim - 1))
         found[f"drawn_{name}"] = ("draw", *axes), values, {"long_name": ", ".join(draw.paths)}
     return found

@@ -16,7 +16,9 @@ import numpy as np
 from cosim import grammar, source
 from cosim.errors import CosimError, DiagramErrors, MissingKey, Position, Problems, WrongType, WrongValue
 from cosim.grammar import ANY, Layer, Reader
+from cosim.plot import figures
 from cosim.source import Node, describe
+from cosim.study import consistency
 from cosim.study.model import (
     METHODS,
     STATISTICS,
@@ -26,12 +28,11 @@ from cosim.study.model import (
     Draw,
     Question,
     Random,
+    Reference,
     Study,
     TableLayout,
     Variant,
 )
-
-RESERVED = ("variant", "draw")
 
 _VALUE: dict[str, Any] = {}
 _NAMED = {ANY: _VALUE}
@@ -114,7 +115,8 @@ class _StudyReader:
         study.tables = tuple(self._table(title, node, study) for title, node in tables.items())
         study.references = self._references(self._entries(sections, "references"), study)
         study.question = self._question(sections["explain"], study) if "explain" in sections else None
-        study.figures = self._entries(sections, "figures")
+        study.figures = figures.read(self._entries(sections, "figures"), self.problems)
+        consistency.check(study, entries, self.problems)
         return study
 
     def _entries(self, sections: dict[str, Node], key: str) -> dict[str, Node]:
@@ -140,15 +142,13 @@ class _StudyReader:
         )
 
     def _grid(self, entries: dict[str, Node]) -> tuple[Axis, ...]:
-        names = short_names(entries)
         return tuple(
-            Axis(name, _paths(path), self._axis(path, node), node)
-            for (path, node), name in zip(entries.items(), names, strict=True)
+            Axis(short_name(path), _paths(path), self._axis(path, node), node) for path, node in entries.items()
         )
 
     def _axis(self, path: str, node: Node) -> tuple[Any, ...]:
         if isinstance(node.value, list) and node.value:
-            return tuple(item.plain() for item in node.value)
+            return tuple(self._axis_value(item, path) for item in node.value)
         kinds: dict[str, Any] = {"linspace": np.linspace, "geomspace": np.geomspace, "range": np.arange}
         kind = next(iter(node.value)) if isinstance(node.value, dict) and len(node.value) == 1 else ""
         items = node.value[kind].value if kind in kinds else None
@@ -159,10 +159,27 @@ class _StudyReader:
         first, last, third = (self.reader.number(item, f"grid.{path}.{kind}") for item in items)
         if kind == "range":
             third = self.reader.positive(items[2], f"grid.{path}.range")
+            if last < first:
+                message = f"`grid.{path}`: from {first:g} to {last:g} there is no value"
+                self.reader.wrong(node, message, "exchange the first two numbers", WrongValue)
+                return (first,)
             values = np.arange(first, last + 1e-9 * third, third)
+        elif kind == "geomspace" and not first * last > 0:
+            message = f"`grid.{path}`: from {first:g} to {last:g} there are no constant ratios"
+            self.reader.wrong(node, message, "give two numbers of one sign, neither of them 0", WrongValue)
+            return (first,)
         else:
             values = kinds[kind](first, last, self.reader.count(items[2], f"grid.{path}.{kind}"))
         return tuple(values.tolist())
+
+    def _axis_value(self, node: Node, path: str) -> Any:
+        """One value of a list: a number, text, true or false, or a list of them."""
+        if node.value is None or isinstance(node.value, dict):
+            self.reader.wrong(node, f"a value of `grid.{path}` cannot be {describe(node)}", "write a number or text")
+            return 0.0
+        if isinstance(node.value, list):
+            return [self._axis_value(item, path) for item in node.value]
+        return node.value
 
     def _random(self, node: Node) -> Random | None:
         entries = node.value
@@ -170,16 +187,27 @@ class _StudyReader:
             if key not in entries:
                 self.problems.add(MissingKey(f"`random` has no `{key}`", node.place, "write random: {count: 100, …}"))
                 return None
-        seed = self.reader.number(entries["seed"], "random.seed") if "seed" in entries else 0.0
+        seed = self._seed(entries["seed"]) if "seed" in entries else 0
         draws = [self._draw(path, n) for path, n in self._entries(entries, "draws").items()]
         accept = [self._bounds(name, n) for name, n in self._entries(entries, "accept").items()]
+        if not entries["draws"].value:
+            self.reader.wrong(entries["draws"], "`random.draws` draws nothing", "write a path and its distribution")
         return Random(
             self.reader.count(entries["count"], "random.count"),
-            int(seed),
+            seed,
             self.reader.choice(entries["method"], "random.method", METHODS) if "method" in entries else METHODS[0],
             tuple(draw for draw in draws if draw),
             tuple(accept),
         )
+
+    def _seed(self, node: Node) -> int:
+        seed = self.reader.number(node, "random.seed", 0.0)
+        if not (0 <= seed < 2**53 and seed.is_integer()):
+            fix = "such as 0, 1, 2"
+            message = f"`random.seed` must be a whole number from 0, not {describe(node)}"
+            self.reader.wrong(node, message, fix, WrongValue)
+            return 0
+        return int(seed)
 
     def _draw(self, path: str, node: Node) -> Draw | None:
         where = f"random.draws.{path}"
@@ -202,6 +230,9 @@ class _StudyReader:
     def _numbers(self, node: Node, where: str) -> np.ndarray:
         if not isinstance(node.value, list):
             return np.array(self.reader.number(node, where))
+        if not node.value:
+            self.reader.wrong(node, f"a list of `{where}` is empty", "give one number, or one for each element")
+            return np.zeros(())
         parts = [self._numbers(item, where) for item in node.value]
         if any(part.shape != parts[0].shape for part in parts):
             self.reader.wrong(node, f"the rows of `{where}` differ in length", "give rows of one length", WrongValue)
@@ -241,10 +272,17 @@ class _StudyReader:
         where = f"tables.{title}"
         rows = node.value.get("rows")
         given = rows.value if rows and isinstance(rows.value, list) else [rows] if rows else []
-        names = tuple(self.reader.choice(n, f"{where}.rows", study.dimensions) for n in given)
+        names = tuple(self._dimension(n, f"{where}.rows", study) for n in given)
         columns = node.value.get("columns")
         transpose = "transpose" in node.value and self.reader.truth(node.value["transpose"], f"{where}.transpose")
         return TableLayout(title, names or ("variant",), self._columns(where, columns), transpose, node)
+
+    def _dimension(self, node: Node, where: str, study: Study) -> str:
+        """A dimension by its name, or by the end of its name that no other has."""
+        ends = [name for name in study.dimensions if name.endswith(f".{node.value}")]
+        if node.value not in study.dimensions and len(ends) == 1:
+            return ends[0]
+        return self.reader.choice(node, where, study.dimensions)
 
     def _columns(self, where: str, node: Node | None) -> tuple[Column, ...]:
         if node is None:
@@ -265,12 +303,12 @@ class _StudyReader:
             self.problems.add(MissingKey(f"`{where}` names no metric", node.place, "write {metric: N_x}"))
             return None
         limits = {key: self.reader.number(entries[key], where) for key in ("above", "below") if key in entries}
-        statistic = self._statistic(where, entries["over"]) if "over" in entries else "max"
+        statistic = self._statistic(where, entries["over"]) if "over" in entries else None
         style = self._format(where, entries["format"]) if "format" in entries else (".1%" if limits else ".3g")
         return Column(heading, entries["metric"], statistic, limits.get("above"), limits.get("below"), style)
 
     def _statistic(self, where: str, node: Node) -> str | float:
-        if isinstance(node.value, int | float) and 0 <= node.value <= 1:
+        if isinstance(node.value, int | float) and not isinstance(node.value, bool) and 0 <= node.value <= 1:
             return float(node.value)
         return self.reader.choice(node, f"{where}.over", STATISTICS)
 
@@ -282,16 +320,18 @@ class _StudyReader:
             return ".3g"
         return str(node.value)
 
-    def _references(self, entries: dict[str, Node], study: Study) -> dict[str, dict[str, dict[str, float]]]:
-        found: dict[str, dict[str, dict[str, float]]] = {}
+    def _references(self, entries: dict[str, Node], study: Study) -> tuple[Reference, ...]:
+        found: list[Reference] = []
         for origin, variants in entries.items():
-            found[origin] = {}
             for name, node in variants.value.items():
                 known = replace(node, value=name, position=node.place)
-                self.reader.choice(known, f"references.{origin}", study.variants)
+                variant = self.reader.choice(known, f"references.{origin}", study.variants)
                 figures = grammar.conform(node, self.problems, _NAMED, f"references.{origin}.{name}").value
-                found[origin][name] = {m: self.reader.number(n, f"{origin}.{m}") for m, n in figures.items()}
-        return found
+                for metric, number in figures.items():
+                    named = replace(number, value=metric, position=number.place)
+                    value = self.reader.number(number, f"{origin}.{metric}")
+                    found.append(Reference(origin, variant, named, value))
+        return tuple(found)
 
     def _question(self, node: Node, study: Study) -> Question | None:
         entries = node.value
@@ -309,15 +349,11 @@ def _paths(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(","))
 
 
-def short_names(paths: Iterable[str]) -> list[str]:
-    """For each path the shortest end of it that no other path has."""
-    parts = [_paths(path)[0].split(".") for path in paths]
-    names = []
-    for own in parts:
-        ends = (".".join(own[-k:]) for k in range(1, len(own) + 1))
-        taken = lambda end: sum((".".join(["", *other])).endswith("." + end) for other in parts) > 1  # noqa: E731
-        names.append(next((end for end in ends if end not in RESERVED and not taken(end)), ".".join(own)))
-    return names
+def short_name(paths: str) -> str:
+    """What an axis or a draw is called, whatever others there are: `plant.mass` for `blocks.plant.parameters.mass`."""
+    parts = _paths(paths)[0].split(".")
+    is_value = len(parts) > 3 and parts[0] == "blocks" and parts[2] in ("parameters", "start")
+    return ".".join([parts[1], *parts[3:]] if is_value else parts)
 
 
 def _empty_variants(tree: Node) -> Node:

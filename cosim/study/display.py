@@ -28,6 +28,8 @@ def show(table: Table, file: IO[str] | None = None) -> None:
     for row in table.rows:
         made.add_row(*row)
     console.print(made)
+    for note in table.notes:
+        console.print(note)
 
 
 class Counter:

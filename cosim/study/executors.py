@@ -74,10 +74,12 @@ def _ending(executor: Any) -> Iterator[Any]:
 
 
 def finished(
-    jobs: Iterable[Any], submit: Callable[[Any], Future[Row]], window: int
+    jobs: Iterable[Any], submit: Callable[[Any], Future[Row]], window: int, pending: dict[Future[Row], Any]
 ) -> Iterator[tuple[Any, Future[Row]]]:
-    """Each job with its future when that is done, in any order; never more than `window` are under way."""
-    pending: dict[Future[Row], Any] = {}
+    """Each job with its future when that is done, in any order; never more than `window` are under way.
+
+    pending: holds those whose turn has not come yet, also when this is broken off.
+    """
     for job in jobs:
         pending[submit(job)] = job
         if len(pending) >= window:
@@ -89,16 +91,19 @@ def finished(
 def _done(pending: dict[Future[Row], Any]) -> Iterator[tuple[Any, Future[Row]]]:
     done, _ = wait(pending, return_when=FIRST_COMPLETED)
     for future in done:
-        yield pending.pop(future), future
+        yield pending[future], future
+        del pending[future]
 
 
 def run_elsewhere(path: str, settings: tuple[str, ...], chosen: Member, file: Path | None, key: str) -> Row:
     """Run a member in another process, which reads the study itself, and again if its copy is not up to date."""
     variants = _variants(path, settings)
-    if member.key(variants.prepared(chosen)) != key:
+    prepared = variants.prepared(chosen)
+    if prepared.key != key:
         _variants.cache_clear()
         variants = _variants(path, settings)
-    return member.run(variants, chosen, file, lambda time: None)
+        prepared = variants.prepared(chosen)
+    return member.run(variants, chosen, file, lambda time: None, prepared)
 
 
 @lru_cache(maxsize=4)

@@ -2,65 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable
-from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from cosim import table
-from cosim.adapters import fingerprint
-from cosim.errors import CosimError
+from cosim.errors import CosimError, ResultError
 from cosim.metrics import for_json
+from cosim.results import open_result
 from cosim.run import Outcome, Run
 from cosim.study.plan import Member
 from cosim.study.variants import Prepared, Variants
 
 Row = dict[str, Any]
-
-
-def key(prepared: Prepared) -> str:
-    """What a member's result depends on, as a digest: the program, all values, the kernels, the metrics, the recording.
-
-    Titles, names of files and comments are not in it.
-    """
-    made, diagram = prepared.table, prepared.network.diagram
-    digest = hashlib.sha256(_version().encode())
-    for array in (made.operations, made.banks, made.arena):
-        digest.update(array.tobytes())
-    record = diagram.record
-    text: list[Any] = [made.initial, made.point, made.between, made.states, made.vectors]
-    text += [diagram.run.step, diagram.run.stop, [_identity(prepared, call) for call in made.calls]]
-    text += [(name, metric.plain(), _place(prepared, metric)) for name, metric in diagram.metrics.items()]
-    text += [record.period, [node.value for node in record.signals]] if record else []
-    digest.update(json.dumps(text).encode())
-    return digest.hexdigest()[:32]
-
-
-@cache
-def _content(path: Path, modified: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-@cache
-def _version() -> str:
-    return metadata.version("cosim")
-
-
-def _identity(prepared: Prepared, call: table.Call) -> list[Any]:
-    """What stands behind a call: the compiled module, the Python function as it is now, an FMU's content."""
-    module = prepared.kernels.modules[call.slave]
-    entry = prepared.network.slaves[call.slave].entry
-    if entry.kind == "fmu":
-        return [_content(entry.path, entry.path.stat().st_mtime_ns), call.function.name, call.count]
-    return [module.key if module else fingerprint(call.function.python), call.function.name, call.count]
-
-
-def _place(prepared: Prepared, metric: Any) -> list[Any]:
-    place = prepared.table.places[prepared.network.find(str(metric.signal.value), metric.signal.position)]
-    return [place.offset, place.stride, place.shape, str(place.dtype)]
+UNFINISHED = ("running", "interrupted")
+"""What the file of a run says that is not at its end, or never came there."""
+MARK = "member"
+"""The attribute of a member's file that has its key."""
 
 
 def run(
@@ -76,18 +33,43 @@ def run(
     """
     row: Row = {"variant": member.variant, "grid": list(member.grid), "draw": member.draw}
     try:
+        prepared = prepared or variants.prepared(member)
         run = _run(variants, member, file, prepared)
     except CosimError as error:
-        return {**row, "status": "failed", "reason": error.message, "steps": 0, "seconds": 0.0, "metrics": {}}
+        return {**row, **lost(error.message)}
     outcome = run.execute(watch)
     return {**row, **_kept(outcome)}
 
 
-def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepared | None) -> Run:
+def lost(reason: str) -> Row:
+    """What is kept of a member that could not begin."""
+    return {"status": "failed", "reason": reason, "steps": 0, "seconds": 0.0, "metrics": {}, "events": {}}
+
+
+def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepared) -> Run:
     if file:  # through all layers, so that the file says exactly which diagram it comes from
-        return Run(variants.wire(member.variant, member.settings), output=file)
-    prepared = prepared or variants.prepared(member)
+        network = variants.wire(member.variant, member.settings)
+        _remove_damaged(file)
+        return Run(network, output=file, attributes={MARK: prepared.key})
     return Run(prepared.network, prepared=(prepared.table, prepared.kernels))
+
+
+def _remove_damaged(file: Path) -> None:
+    """A member's file is the study's own: one that a crash has left, and nobody can read, makes way for the new one."""
+    if file.is_file():
+        try:
+            open_result(file).close()
+        except ResultError:
+            file.unlink(missing_ok=True)
+
+
+def holds(file: Path, key: str) -> bool:
+    """Whether a file has the signals of the member with that key, whole, and of no other that had its name."""
+    try:
+        with open_result(file) as result:
+            return result.attrs.get(MARK) == key and result.attrs["status"] not in UNFINISHED
+    except ResultError:
+        return False
 
 
 def _kept(outcome: Outcome) -> Row:

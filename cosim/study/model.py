@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import Position
+from cosim.plot.figures import Figure
 from cosim.source import Node
 
 METHODS = ("random", "latin-hypercube", "sobol")
-STATISTICS = ("max", "mean", "median", "min", "std")
+STATISTICS = ("max", "mean", "median", "min", "rms", "std")
+OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": "mean", "events": "max"}
+"""How a metric, by its reduction over a run, is reduced over several runs if nothing is said."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,25 @@ class Axis:
     paths: tuple[str, ...]
     values: tuple[Any, ...]
     node: Node
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all values are numbers."""
+        return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The values as text: numbers with 12 digits, or with all where that does not tell two apart."""
+        short = tuple(_label(value, ".12g") for value in self.values)
+        return short if len(set(short)) == len(short) else tuple(_label(value, ".17g") for value in self.values)
+
+
+def _label(value: Any, style: str) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_label(item, style) for item in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return format(value, style) if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True)
@@ -74,12 +96,13 @@ class Random:
 class Column:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
-    statistic: one of STATISTICS, or a quantile from 0 to 1. above, below: the share of runs beyond a limit instead.
+    statistic: one of STATISTICS, or a quantile from 0 to 1; None for that of OVER_RUNS. above, below: the share of runs
+    beyond a limit instead.
     """
 
     heading: str
     metric: Node
-    statistic: str | float = "max"
+    statistic: str | float | None = None
     above: float | None = None
     below: float | None = None
     format: str = ".3g"
@@ -97,6 +120,16 @@ class TableLayout:
 
 
 @dataclass(frozen=True)
+class Reference:
+    """A figure from elsewhere: what a variant's metric is according to `origin`."""
+
+    origin: str
+    variant: str
+    metric: Node
+    value: float
+
+
+@dataclass(frozen=True)
 class Question:
     """Runs of `baseline` whose metric is not beyond the limit are looked at in every other variant."""
 
@@ -110,8 +143,8 @@ class Question:
 class Study:
     """A study file, checked against the grammar.
 
-    metrics: the names to keep, None for all. references: figures from elsewhere, source -> variant -> metric -> value.
-    record: None, True for the diagram's own recording, or what replaces it. figures: as `cosim.plot` reads them.
+    metrics: the names to keep, None for all.
+    record: None, or what replaces the diagram's own recording, which an empty mapping leaves as it is.
     """
 
     title: str
@@ -125,14 +158,19 @@ class Study:
     added_metrics: Node | None = None
     record: Node | None = None
     tables: tuple[TableLayout, ...] = ()
-    references: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    references: tuple[Reference, ...] = ()
     question: Question | None = None
-    figures: dict[str, Node] = field(default_factory=dict)
+    figures: list[Figure] = field(default_factory=list)
 
     @property
     def records(self) -> bool:
         """Whether members write their signals."""
         return self.record is not None
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Where the study's references come from."""
+        return tuple(dict.fromkeys(reference.origin for reference in self.references))
 
     @property
     def dimensions(self) -> tuple[str, ...]:

@@ -35,6 +35,19 @@ def size(study: Study) -> int:
     return count
 
 
+def names(study: Study) -> Iterator[str]:
+    """The names of all members; nothing is drawn for them."""
+    points = itertools.product(*(range(len(axis.values)) for axis in study.grid))
+    draws = range(study.random.count) if study.random else (None,)
+    for variant, point, draw in itertools.product(study.variants, list(points), draws):
+        yield Member(variant, point, draw).name
+
+
+def variant_of(study: Study, name: str) -> str:
+    """The variant of the member of that name."""
+    return name.rsplit("-", len(study.dimensions) - 1)[0] if len(study.dimensions) > 1 else name
+
+
 def members(study: Study, draws: Draws | None) -> Iterator[Member]:
     """All members, made one by one; `draws` are those of the study, None if it has none."""
     points = itertools.product(*(range(len(axis.values)) for axis in study.grid))

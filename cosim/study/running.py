@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError
+from cosim.source import Node
 from cosim.study import executors, member, plan
 from cosim.study.draws import Draws
 from cosim.study.member import Row
@@ -19,7 +21,8 @@ from cosim.study.plan import Member
 from cosim.study.store import Store
 from cosim.study.variants import Prepared, Variants
 
-FAILED = ("failed", "diverged")
+FAILED = ("failed", "diverged", "terminated")
+"""How a run ends that does not come to its end."""
 WINDOW = 3
 """Members under way for each worker: one runs, the next ones wait beside it."""
 
@@ -62,6 +65,18 @@ class Results:
     refused: dict[int, Row] = field(default_factory=dict)
     store: Store | None = None
 
+    @property
+    def reductions(self) -> dict[str, str]:
+        """How each metric reduces a run."""
+        bases = [self.variants.base(name) for name in reversed(self.study.variants)]
+        return {name: metric.reduce for base in bases for name, metric in base.diagram.metrics.items()}
+
+    def files(self) -> dict[str, Path]:
+        """The files with the signals of those members that have recorded them."""
+        members = zip(plan.members(self.study, self.draws), self.keys, strict=True)
+        named = [(chosen.name, member_file(self.folder, chosen), key) for chosen, key in members]
+        return {name: file for name, file, key in named if key and member.holds(file, key)}
+
     def rows(self) -> Iterator[Row]:
         """Every member's row, read from the store one by one."""
         assert self.store is not None
@@ -100,8 +115,6 @@ def run_one(study: Study, name: str, folder: Path) -> tuple[Member, Row]:
     variants = Variants(study)
     chosen = plan.find(study, variants.draws(), name)
     if study.record is None:
-        from cosim.source import Node
-
         study.record = Node({}, next(iter(study.variants.values())).diagram_position)
     return chosen, member.run(variants, chosen, member_file(folder, chosen), lambda time: None)
 
@@ -125,33 +138,53 @@ def _run(results: Results, options: Options) -> None:
         arguments = (str(results.study.path.resolve()), options.settings, job.member, job.file, job.key)
         return executor.submit(executors.run_elsewhere, *arguments)
 
+    executor: Executor
     if options.cluster:
         with executors.cluster(options.cluster) as (executor, count):
-            _collect(results, options, elsewhere, WINDOW * count)
+            _collect(results, options, elsewhere, WINDOW * count, executor, stop)
         return
-    count = options.threads or executors.processors()
+    count = min(options.threads or executors.processors(), results.total)
     shared = results.variants.shareable()
     with (executors.threads if shared else executors.processes)(count) as executor:
-        try:
-            _collect(results, options, here if shared else elsewhere, WINDOW * count)
-        except BaseException:
-            stop.set()
-            raise
+        _collect(results, options, here if shared else elsewhere, WINDOW * count, executor, stop)
 
 
 def _run_here(variants: Variants, job: Job, watch: Callable[[float], None]) -> Row:
     return member.run(variants, job.member, job.file, watch, job.prepared)
 
 
-def _collect(results: Results, options: Options, submit: Callable[[Job], Future[Row]], window: int) -> None:
+def _collect(
+    results: Results,
+    options: Options,
+    submit: Callable[[Job], Future[Row]],
+    window: int,
+    executor: Executor,
+    stop: threading.Event,
+) -> None:
+    """Run all jobs and keep their rows; where that is broken off, of those that are finished."""
+    pending: dict[Future[Row], Job] = {}
+    try:
+        for job, future in executors.finished(_jobs(results, options.folder), submit, window, pending):
+            _keep(results, options, job, future)
+    except BaseException:
+        stop.set()
+        executor.shutdown(wait=True, cancel_futures=True)
+        for future, job in pending.items():
+            if future.done() and not future.cancelled() and results.store and job.key not in results.store:
+                with suppress(CosimError, KeyboardInterrupt):
+                    _keep(results, options, job, future)
+        raise
+
+
+def _keep(results: Results, options: Options, job: Job, future: Future[Row]) -> None:
+    """Keep the row of a finished job. Raises: KeyboardInterrupt if it was interrupted, ResultError."""
     assert results.store is not None
-    for job, future in executors.finished(_jobs(results, options.folder), submit, window):
-        row = _row(job, future)
-        if row["status"] == "interrupted":
-            raise KeyboardInterrupt
-        results.store.append(row)
-        results.ran += 1
-        options.watch(results.reused + results.ran, results.total)
+    row = _row(job, future)
+    if row["status"] == "interrupted":
+        raise KeyboardInterrupt
+    results.store.append(row)
+    results.ran += 1
+    options.watch(results.reused + results.ran + len(results.refused), results.total)
 
 
 def _row(job: Job, future: Future[Row]) -> Row:
@@ -161,10 +194,8 @@ def _row(job: Job, future: Future[Row]) -> Row:
     except CosimError:
         raise
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        row = {"status": "failed", "reason": reason, "steps": 0, "seconds": 0.0, "metrics": {}}
-    file = {"file": str(job.file)} if job.file else {}
-    return {"key": job.key, **identity(job.member), **row, **file}
+        row = member.lost(f"{type(error).__name__}: {error}")
+    return {"key": job.key, **identity(job.member), **row}
 
 
 def _jobs(results: Results, folder: Path) -> Iterator[Job]:
@@ -176,15 +207,14 @@ def _jobs(results: Results, folder: Path) -> Iterator[Job]:
         try:
             prepared = results.variants.prepared(chosen)
         except CosimError as error:
-            row = {"status": "failed", "reason": error.message, "steps": 0, "seconds": 0.0, "metrics": {}}
             results.keys.append(None)
-            results.refused[number] = row
-            results.reused += 1
+            results.refused[number] = member.lost(error.message)
             continue
-        key = member.key(prepared)
+        key = prepared.key
         results.keys.append(key)
         file = member_file(folder, chosen) if study.records else None
-        if key in under_way or (key in store and (file is None or Path(store[key].get("file", "")).is_file())):
+        done = key in store or key in under_way if file is None else key in store and member.holds(file, key)
+        if done:
             results.reused += 1
             continue
         under_way.add(key)
@@ -200,4 +230,5 @@ def summary(results: Results) -> dict[str, Any]:
         if row["status"] in FAILED:
             entry = reasons.setdefault(row["reason"], [0, row["name"]])
             entry[0] += 1
-    return {"counts": counts, "reasons": reasons}
+    failed = sum(counts.get(status, 0) for status in FAILED)
+    return {"counts": counts, "failed": failed, "reasons": reasons}

@@ -1,15 +1,18 @@
 """What is done of a study: one file of JSON lines, a line for each finished member, added when it is finished.
 
 A line reaches the operating system at once, so nothing that is finished is lost with the process; it reaches the disk
-within a second. Several processes may append: a line is written in one piece. A line that was cut off (by a crash of
-the machine) is skipped, and its member runs again.
+within a second. A line that is not whole, such as one that a crash of the machine cut off, does not have the checksum
+that it ends with: it is skipped, and its member runs again. The file is locked while a study uses it, where the system
+has locks: two calls at once would write the same files.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import stat
 import time
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +30,12 @@ class Store:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+            if not stat.S_ISREG(os.fstat(self._file).st_mode):
+                raise OSError(0, "it is no file")
+            _lock(self._file)
+        except BlockingIOError:
+            message = f"another call is at work in {path.parent}"
+            raise ResultError(message, fix="wait for it, or choose another folder with --results") from None
         except OSError as error:
             fix = "choose a folder that you may write to"
             raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
@@ -42,11 +51,14 @@ class Store:
     def __getitem__(self, key: str) -> dict[str, Any]:
         with self.path.open("rb") as file:
             file.seek(self._offsets[key])
-            return json.loads(file.readline())
+            row = _read(file.readline())
+        if row is None or row["key"] != key:
+            raise ResultError(f"{self.path} was changed while it was in use", fix="run the study again")
+        return row
 
     def append(self, row: dict[str, Any]) -> None:
         """Keep a row, which has a `key`. Raises: ResultError, such as for a full disk."""
-        line = json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+        line = _written(row)
         try:
             written = os.write(self._file, line)
             if written < len(line):
@@ -74,10 +86,44 @@ class Store:
         offset = 0
         with self.path.open("rb") as file:
             for line in file:
-                try:
-                    row = json.loads(line)
-                    if isinstance(row, dict) and "key" in row:
-                        yield offset, row
-                except ValueError:
-                    pass
+                row = _read(line)
+                if row is not None:
+                    yield offset, row
                 offset += len(line)
+
+
+def _lock(file: int) -> None:
+    """Lock a file until it is closed. Raises: BlockingIOError if somebody else has it."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # a file system without locks
+        return
+
+
+def _text(row: dict[str, Any]) -> str:
+    return json.dumps(row, ensure_ascii=False, allow_nan=False)
+
+
+def _written(row: dict[str, Any]) -> bytes:
+    """The line of a row: its fields, and last the checksum of their text."""
+    return _text({**row, "checksum": _checksum(row)}).encode() + b"\n"
+
+
+def _read(line: bytes) -> dict[str, Any] | None:
+    """The row of a line; None if it is not as it was written."""
+    try:
+        row = json.loads(line)
+        checksum = row.pop("checksum") if isinstance(row, dict) else None
+        return row if checksum == _checksum(row) and isinstance(row["key"], str) else None
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _checksum(row: dict[str, Any]) -> int:
+    return zlib.crc32(_text(row).encode())

@@ -4,49 +4,58 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from cosim.errors import ResultError
+from cosim.source import Node
+from cosim.study import names
 from cosim.study.dataset import metric_names, scalar
 from cosim.study.member import Row
-from cosim.study.model import Column, Study, TableLayout
-from cosim.study.running import Results
+from cosim.study.model import OVER_RUNS, Column, Study, TableLayout
+from cosim.study.running import FAILED, Results
 
 
 @dataclass
 class Table:
-    """A table as text, and its cells as numbers: values[row][column]."""
+    """A table as text, and its cells as numbers: values[row][column]. notes: sentences to be read with it."""
 
     title: str
     head: list[str]
     rows: list[list[str]]
     values: list[list[float]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
 
 def tables(results: Results) -> list[Table]:
     """The study's tables; one of all metrics if it names none."""
     rows = list(results.rows())
-    study = results.study
+    study, reductions = results.study, results.reductions
     layouts = study.tables or (_default(study, rows),)
-    return [_table(layout, study, rows) for layout in layouts]
+    return [_table(layout, study, rows, reductions) for layout in layouts]
 
 
 def write(results: Results, made: Sequence[Table]) -> None:
-    """Write each table as CSV, with all digits, and as Markdown, beside the study's data set."""
+    """Write each table as CSV, with all digits, and as Markdown, beside the study's data set. Raises: ResultError."""
     for table in made:
-        stem = results.folder / "".join(c if c.isalnum() else "_" for c in table.title.lower())
-        stem.with_suffix(".md").write_text(markdown(table), encoding="utf-8")
-        with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(table.head)
-            labels = len(table.head) - len(table.values[0]) if table.values else 0
-            for texts, values in zip(table.rows, table.values, strict=True):
-                writer.writerow([*texts[:labels], *map(repr, values)])
+        path = results.folder / f"{names.stem(table.title)}.md"
+        try:
+            path.write_text(markdown(table), encoding="utf-8")
+            path = path.with_suffix(".csv")
+            with path.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(table.head)
+                labels = len(table.head) - len(table.values[0]) if table.values else 0
+                for texts, values in zip(table.rows, table.values, strict=True):
+                    writer.writerow([*texts[:labels], *map(repr, values)])
+        except OSError as error:
+            fix = "choose a folder that you may write to"
+            raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
 
 
 def markdown(table: Table) -> str:
@@ -56,33 +65,65 @@ def markdown(table: Table) -> str:
     text.write(f"**{table.title}**\n\n")
     for line in lines:
         text.write("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n")
+    for note in table.notes:
+        text.write(f"\n{note}\n")
     return text.getvalue()
 
 
 def _default(study: Study, rows: list[Row]) -> TableLayout:
-    from cosim.source import Node
-
     place = next(iter(study.variants.values())).diagram_position
     columns = tuple(Column(name, Node(name, place)) for name in metric_names(rows))
     dimensions = tuple(d for d in study.dimensions if d != "draw")
     return TableLayout(study.title, dimensions, columns, False, Node({}, place))
 
 
-def _table(layout: TableLayout, study: Study, rows: list[Row]) -> Table:
-    columns = layout.columns or _default(study, rows).columns
-    groups: dict[tuple[str, ...], list[Row]] = {}
+def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mapping[str, str]) -> Table:
+    columns = [with_statistic(column, reductions) for column in layout.columns or _default(study, rows).columns]
+    groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(label(study, row, dimension) for dimension in layout.rows), []).append(row)
+        groups.setdefault(tuple(_at(study, row, dimension) for dimension in layout.rows), []).append(row)
+    several = any(len(group) > 1 for group in groups.values())
     values = [[cell(column, group) for column in columns] for group in groups.values()]
     texts = [[_text(v, c) for v, c in zip(line, columns, strict=True)] for line in values]
-    head = [*layout.rows, *(column.heading for column in columns)]
+    headings = [heading(column) if several else column.heading for column in columns]
+    head = [*layout.rows, *headings]
+    labels = [[label(study, group[0], dimension) for dimension in layout.rows] for group in groups.values()]
+    notes = _notes(rows, several)
     if not layout.transpose:
-        lines = [[*labels, *line] for labels, line in zip(groups, texts, strict=True)]
-        return Table(layout.title, head, lines, values)
-    names = [", ".join(labels) for labels in groups]
-    lines = [[column.heading, *(line[k] for line in texts)] for k, column in enumerate(columns)]
+        lines = [[*own, *line] for own, line in zip(labels, texts, strict=True)]
+        return Table(layout.title, head, lines, values, notes)
+    across = [", ".join(own) for own in labels]
+    lines = [[text, *(line[k] for line in texts)] for k, text in enumerate(headings)]
     turned = [[line[k] for line in values] for k in range(len(columns))]
-    return Table(layout.title, ["", *names], lines, turned)
+    return Table(layout.title, ["", *across], lines, turned, notes)
+
+
+def _notes(rows: list[Row], several: bool) -> list[str]:
+    """What a reader of figures has to know of the runs that did not come to their end."""
+    lost = sum(row["status"] in FAILED for row in rows)
+    if not lost:
+        return []
+    shares = "; to a share they count as runs without the figure where they have none" if several else ""
+    return [f"{lost} of {len(rows)} runs did not come to their end: figures are of the time until then{shares}."]
+
+
+def with_statistic(column: Column, reductions: Mapping[str, str]) -> Column:
+    """The column with the statistic that its metric has if nothing is said: a minimum is reduced by the minimum."""
+    if column.statistic is not None:
+        return column
+    return replace(column, statistic=OVER_RUNS[reductions.get(str(column.metric.value), "max")])
+
+
+def heading(column: Column) -> str:
+    """A column's heading with the name of its statistic, unless it says it already."""
+    if column.above is not None or column.below is not None:
+        name = "share"
+    elif isinstance(column.statistic, float):
+        name = f"{100 * column.statistic:g} % quantile"
+    else:
+        name = str(column.statistic)
+    words = re.split(r"[\W_]+", column.heading.lower())
+    return column.heading if name in words else f"{column.heading}, {name}"
 
 
 def cell(column: Column, rows: list[Row]) -> float:
@@ -95,7 +136,9 @@ def cell(column: Column, rows: list[Row]) -> float:
         return math.nan
     if isinstance(column.statistic, float):
         return float(np.quantile(numbers, column.statistic))
-    return float(getattr(np, column.statistic)(numbers))
+    if column.statistic == "rms":
+        return float(np.sqrt(np.mean(np.square(numbers))))
+    return float(getattr(np, column.statistic or "max")(numbers))
 
 
 def satisfies(numbers: np.ndarray, above: float | None, below: float | None) -> np.ndarray:
@@ -110,11 +153,16 @@ def satisfies(numbers: np.ndarray, above: float | None, below: float | None) -> 
 
 def label(study: Study, row: Row, dimension: str) -> str:
     """Where a member stands on one of the study's dimensions, as text."""
+    at = _at(study, row, dimension)
+    axis = next((axis for axis in study.grid if axis.name == dimension), None)
+    return axis.labels[at] if axis else str(at)
+
+
+def _at(study: Study, row: Row, dimension: str) -> Any:
+    """Where a member stands on a dimension: a variant's name, or a number from 0."""
     if dimension in ("variant", "draw"):
-        return str(row[dimension])
-    at = [axis.name for axis in study.grid].index(dimension)
-    value: Any = study.grid[at].values[row["grid"][at]]
-    return f"{value:.6g}" if isinstance(value, float) else str(value) if isinstance(value, int) else json.dumps(value)
+        return row[dimension]
+    return row["grid"][[axis.name for axis in study.grid].index(dimension)]
 
 
 def _text(value: float, column: Column) -> str:

@@ -16,10 +16,20 @@ import numpy as np
 
 from cosim import diagram, overlay, simulation, table, wiring
 from cosim.block import Input, Parameter, State
-from cosim.errors import CosimError, DiagramErrors, MetricError, Position, Problems, RuleViolation, nearest
+from cosim.errors import (
+    CosimError,
+    DiagramErrors,
+    MetricError,
+    Position,
+    Problems,
+    RuleViolation,
+    UnknownSetting,
+    WrongShape,
+    nearest,
+)
 from cosim.simulation import Kernels, Simulation
 from cosim.source import Node
-from cosim.study import plan
+from cosim.study import consistency, key, plan
 from cosim.study.draws import Draws
 from cosim.study.model import Draw, Study, Variant
 from cosim.study.plan import Member
@@ -41,11 +51,17 @@ class Address:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A member ready to run; the table is its own, the kernels are everybody's."""
+    """A member ready to run; the table is its own, the kernels are everybody's. shared: as of `key.structure`."""
 
     network: Network
     table: Table
     kernels: Kernels
+    shared: bytes
+
+    @property
+    def key(self) -> str:
+        """What its result depends on, as a digest."""
+        return key.key(self.shared, self.network, self.table)
 
 
 class Template:
@@ -58,6 +74,7 @@ class Template:
         for module in (*self.kernels.modules.values(), self.kernels.loop):
             if module:
                 module.load()  # here, where no other thread is loading
+        self.shared = key.structure(network, self.table, self.kernels)
 
     def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
         """With other values, of the shapes that the template was wired with. Raises: DiagramErrors, ExpressionError."""
@@ -70,7 +87,7 @@ class Template:
                 contents[address.signal] = _with_element(before, address.indices, new) if address.indices else new
         values = {signal: Value.read(node, str(signal)) for signal, node in contents.items()}
         network = wiring.revalue(self.network, values)
-        return Prepared(network, self.table.revalued(network, values), self.kernels)
+        return Prepared(network, self.table.revalued(network, values), self.kernels, self.shared)
 
 
 class Variants:
@@ -98,8 +115,9 @@ class Variants:
             except CosimError as error:
                 problems.add(error)
         problems.raise_if_any()
+        consistency.check_against(self.study, self._bases, problems)
         point = plan.grid_settings(self.study, (0,) * len(self.study.grid))
-        draws = self.draws()
+        draws = problems.attempt(self.draws)
         for name in self.study.variants:
             try:
                 self.wire(name, (*point, *(draws.typical() if draws else ())))
@@ -148,7 +166,9 @@ class Variants:
             found = [(start.value(signal), bounds) for signal, bounds in signals]
             return all(bool(np.all((b.least <= v) & (v <= b.most))) for v, b in found)
 
-        return Draws(random, [self._draw_shape(network, draw) for draw in random.draws], accepts)
+        shapes = [problems.attempt(self._draw_shape, network, draw) for draw in random.draws]
+        problems.raise_if_any()
+        return Draws(random, shapes, accepts)
 
     def prepared(self, member: Member) -> Prepared:
         """A member's table. Raises: DiagramErrors, KernelError."""
@@ -156,11 +176,11 @@ class Variants:
         values = tuple((path, value) for path, value in member.settings if address_of(base, path))
         structure = [pair for pair in member.settings if pair not in values]
         kinds = [(path, str(_shape(value)), _names_member(value)) for path, value in values]
-        key = json.dumps([member.variant, structure, kinds])
+        kind = json.dumps([member.variant, structure, kinds])
         with self._lock:
-            if key not in self._templates:
-                self._templates[key] = Template(self.wire(member.variant, member.settings))
-            template = self._templates[key]
+            if kind not in self._templates:
+                self._templates[kind] = Template(self.wire(member.variant, member.settings))
+            template = self._templates[kind]
         return template.prepared(values, self.positions)
 
     def wire(self, variant: str, settings: Settings) -> Network:
@@ -207,15 +227,27 @@ class Variants:
         return replace(tree, value=entries)
 
     def _draw_shape(self, network: Network, draw: Draw) -> tuple[int, ...]:
-        """The shape of the value that a draw replaces: what stands there is drawn element by element."""
-        address = address_of(network, draw.paths[0])
+        """The shape of the value that a draw replaces: what stands there is drawn element by element.
+
+        Raises: UnknownSetting, WrongShape.
+        """
+        path, place = draw.paths[0], draw.node.place
+        address = address_of(network, path)
         shape: tuple[int, ...] = ()
         if address:
             node = _written(network, address)
             for index in address.indices:
+                if not isinstance(node.value, list) or index >= len(node.value):
+                    message = f"`{path}`: there is no element {index}"
+                    raise UnknownSetting(message, place, "count from 0, and draw an element of a list only")
                 node = node.value[index]
-            shape = Value.read(node, draw.paths[0]).shape
-        return np.broadcast_shapes(shape, draw.a.shape, draw.b.shape)
+            shape = Value.read(node, path).shape
+        drawn = np.broadcast_shapes(draw.a.shape, draw.b.shape)
+        try:
+            return np.broadcast_shapes(shape, drawn)
+        except ValueError:
+            message = f"`{path}` has the shape {shape}, and its draw the shape {drawn}"
+            raise WrongShape(message, place, "give one number for all elements, or one for each") from None
 
 
 class _Beginnings:

@@ -139,7 +139,7 @@ def test_figures_of_a_study(result, tmp_path):
         figure.draw({"run": result}, tmp_path / f"{figure.name}.png")
         assert (tmp_path / f"{figure.name}.png").stat().st_size > 10_000
     with pytest.raises(PlotError, match="no recorded signals"):
-        figures.Figure("C", members=["other"]).draw({"run": result}, tmp_path / "C.png")
+        figures.Figure("C", Position("study.yaml"), members=["other"]).draw({"run": result}, tmp_path / "C.png")
 
 
 @pytest.mark.parametrize(

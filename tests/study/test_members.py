@@ -7,9 +7,7 @@ import pytest
 
 from cosim import run as runs
 from cosim.study import member, plan
-from cosim.study.member import key
 from cosim.study.variants import Variants
-from tests.study.conftest import DIAGRAM
 
 SETTINGS = [
     ("blocks.lag.start.x", [[0.3, -0.1], [0.1, 0.7], [1 / 3, 2.0]]),  # replaces a list of the diagram
@@ -24,9 +22,16 @@ SETTINGS = [
 ]
 
 
+def different(value):
+    """A value of the same shape."""
+    if isinstance(value, list):
+        return [different(item) for item in value]
+    return f"1 + {value}" if isinstance(value, str) else value + 0.25
+
+
 @pytest.mark.parametrize(("path", "value"), SETTINGS)
 def test_fast_members_give_the_bits_of_a_full_load(study, tmp_path, path, value):
-    other = [[v + 0.25 for v in row] for row in value] if path == "blocks.lag.start.x" else value
+    other = different(value)
     text = f"diagram: diagram.yaml\ngrid: {{{path}: [{json.dumps(other)}, {json.dumps(value)}]}}"
     loaded = study(text)
     variants = Variants(loaded)
@@ -45,29 +50,6 @@ def test_values_share_one_template_and_structures_do_not(study):
     for one in plan.members(loaded, None):
         variants.prepared(one)
     assert len(variants._templates) == 2
-
-
-def test_the_key_is_of_what_matters(study):
-    def of(text, diagram=DIAGRAM):
-        loaded = study(text, diagram)
-        (one,) = plan.members(loaded, None)
-        return key(Variants(loaded).prepared(one))
-
-    base = of("diagram: diagram.yaml")
-    assert of("{diagram: diagram.yaml, title: another}") == base
-    assert of("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [2]}}") == base
-    assert of("diagram: diagram.yaml", "\n    title: x" + DIAGRAM) == base
-    changed = [
-        of("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [2.0000001]}}"),
-        of("{diagram: diagram.yaml, grid: {run.stop: [2]}}"),
-        of("{diagram: diagram.yaml, grid: {run.method: [gauss-seidel]}}"),
-        of("{diagram: diagram.yaml, metrics: [top]}"),
-        of("{diagram: diagram.yaml, record: true}"),
-        of("diagram: diagram.yaml", DIAGRAM.replace("reduce: max}", "reduce: max, from: 0.5}")),
-        of("diagram: diagram.yaml", DIAGRAM.replace("Sine, per", "Sine,  per")),
-    ]
-    assert changed.pop() == base
-    assert len({base, *changed}) == 1 + len(changed)
 
 
 def test_recorded_members_say_which_diagram_they_come_from(study, tmp_path):

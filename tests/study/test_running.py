@@ -7,12 +7,14 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 
 from cosim.cli import main
-from cosim.study import dataset, running, tables
+from cosim.errors import ResultError
+from cosim.results import open_result
+from cosim.study import dataset, running
 from cosim.study.running import Options
+from cosim.study.store import Store
 from tests.study.conftest import DIAGRAM, STUDY, written
 
 
@@ -87,6 +89,65 @@ def test_recording_writes_one_file_for_each_member(results, tmp_path):
     assert results(text).ran == 1
 
 
+RECORDED = "{{diagram: diagram.yaml, record: true, variants: {{{}}}}}"
+
+
+def variant(name, w):
+    return f"{name}: {{set: {{blocks.swing.parameters.w: {w}}}}}"
+
+
+def final(done):
+    """What the files of a study end with, and what its rows say."""
+    found = {}
+    for name, file in done.files().items():
+        with open_result(file) as result:
+            found[name] = float(result["swing.x"][-1])
+    assert found == {row["name"]: row["metrics"]["last"] for row in done.rows()}
+    return found
+
+
+def test_signals_are_those_of_the_member_also_after_it_was_changed_and_changed_back(results):
+    one, two = (RECORDED.format(variant("a", w)) for w in (1, 2))
+    first = final(results(one))
+    assert final(results(two)) != first
+    assert final(results(one)) == first
+
+
+def test_signals_follow_variants_that_swap_names(results):
+    first = final(results(RECORDED.format(f"{variant('a', 1)}, {variant('b', 2)}")))
+    swapped = final(results(RECORDED.format(f"{variant('a', 2)}, {variant('b', 1)}")))
+    assert (swapped["a"], swapped["b"]) == (first["b"], first["a"])
+    third = final(results(RECORDED.format(f"{variant('a', 3)}, {variant('b', 1)}")))
+    assert third["b"] == first["a"]
+
+
+@pytest.mark.parametrize("left", [0, 7, 1000, -1])
+def test_a_file_that_was_cut_is_written_anew(results, tmp_path, left):
+    text = RECORDED.format(variant("a", 1))
+    first = final(results(text))
+    file = tmp_path / "results" / "members" / "a.nc"
+    file.write_bytes(file.read_bytes()[:left])
+    again = results(text)
+    assert (again.ran, final(again)) == (1, first)
+
+
+def test_two_calls_at_once_in_one_folder_are_refused(results, tmp_path):
+    done = results()
+    store = Store(tmp_path / "results" / "members.jsonl")
+    with pytest.raises(ResultError, match="another call"):
+        results()
+    store.close()
+    assert results().reused == done.ran
+
+
+def test_a_metric_with_another_name_and_a_comment(results):
+    results()
+    assert results(STUDY + "\n    # a comment\n").ran == 0
+    renamed = results(STUDY, DIAGRAM.replace(" top:", " highest:"))
+    assert renamed.ran == 24
+    assert all("highest" in row["metrics"] and "top" not in row["metrics"] for row in renamed.rows())
+
+
 def test_the_data_set_is_labelled(results, tmp_path):
     xarray = pytest.importorskip("xarray")
     done = results()
@@ -94,33 +155,14 @@ def test_the_data_set_is_labelled(results, tmp_path):
     for engine in ("h5netcdf", "netcdf4"):
         pytest.importorskip("h5netcdf" if engine == "h5netcdf" else "netCDF4")
         with xarray.open_dataset(tmp_path / "study.nc", engine=engine) as data:
-            assert dict(data.top.sizes) == {"variant": 2, "w": 3, "draw": 4}
+            assert dict(data.top.sizes) == {"variant": 2, "swing.w": 3, "draw": 4}
             assert list(data.variant.values) == ["plain", "slow"]
-            assert list(data.w.values) == [1, 2, 3]
+            assert list(data["swing.w"].values) == [1, 2, 3]
             row = next(row for row in done.rows() if row["name"] == "slow-2-1")
-            one = data.sel(variant="slow", w=3, draw=1)
+            one = data.sel({"variant": "slow", "swing.w": 3, "draw": 1})
             assert float(one.top) == row["metrics"]["top"]
             assert str(one.status.values) == "completed"
-            assert data.drawn_x.shape == (4, 3, 2)
-
-
-def test_tables(results, tmp_path):
-    text = STUDY.rstrip() + (
-        "\n    tables:\n      Tops:\n        rows: [variant, w]\n        columns:\n"
-        "          most: {metric: top, over: max, format: .4f}\n          half: {metric: top, over: 0.5}\n"
-        "          low: {metric: low, below: -0.5}\n"
-    )
-    done = results(text)
-    (table,) = tables.tables(done)
-    assert table.head == ["variant", "w", "most", "half", "low"]
-    assert [row[:2] for row in table.rows] == [[v, w] for v in ("plain", "slow") for w in "123"]
-    tops = [row["metrics"]["top"] for row in done.rows()][:4]
-    assert table.values[0][0] == max(tops)
-    assert table.values[0][1] == np.median(tops)
-    assert [row[-1] for row in table.rows] == ["0.0%", "0.0%", "100.0%"] * 2
-    tables.write(done, [table])
-    assert (tmp_path / "results" / "tops.md").read_text().count("|") == 6 * 8
-    assert f"{max(tops)!r}" in (tmp_path / "results" / "tops.csv").read_text()
+            assert data["drawn_lag.x"].shape == (4, 3, 2)
 
 
 def test_the_command_line(tmp_path, monkeypatch, capsys):
@@ -129,7 +171,7 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     written(tmp_path, STUDY, "study.yaml")
     assert main(["study", "study.yaml", "--set", "random.count=2"]) == 0
     output = capsys.readouterr().out
-    assert "12 members: 12 completed (ran 12" in output
+    assert "12 members: 12 completed, none failed (ran 12" in output
     assert main(["study", "study.yaml", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["members"], found["ran"], found["counts"]) == (24, 12, {"completed": 24})
@@ -137,6 +179,43 @@ def test_the_command_line(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "results" / "study" / "members" / "slow-2-1.nc").exists()
     assert main(["study", "study.yaml", "--member", "slow-9-1"]) == 2
     assert "no member `slow-9-1`" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("values", "code", "said"),
+    [("[1, 1.0e200]", 0, "1 completed, 1 diverged"), ("[1.0e199, 1.0e200]", 1, "2 diverged")],
+)
+@pytest.mark.parametrize("command", ["study", "report"])
+def test_the_exit_code_says_whether_any_member_came_to_its_end(
+    tmp_path, monkeypatch, capsys, values, code, said, command
+):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, DIAGRAM, "diagram.yaml")
+    written(tmp_path, f"{{diagram: diagram.yaml, grid: {{blocks.swing.parameters.w: {values}}}}}", "study.yaml")
+    assert main([command, "study.yaml"]) == code
+    assert said in capsys.readouterr().out or command == "report"
+    if command == "study":
+        assert main(["study", "study.yaml", "--member", "base-1"]) == 1
+
+
+def test_two_studies_of_one_name_cannot_share_a_folder(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        written(tmp_path / folder, DIAGRAM, "diagram.yaml")
+        written(tmp_path / folder, STUDY, "study.yaml")
+    for command in ("study", "report"):
+        assert main([command, "a/study.yaml", "b/study.yaml"]) == 2
+        assert "would be written to one folder" in capsys.readouterr().err
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("threads", ["-1", "1.5", "many", "99999"])
+def test_threads_are_a_whole_number(tmp_path, capsys, threads):
+    with pytest.raises(SystemExit) as ended:
+        main(["study", "study.yaml", "--threads", threads])
+    assert ended.value.code == 2
+    assert "whole number from 0" in capsys.readouterr().err
 
 
 SLOW = DIAGRAM.replace("step: 0.01", "step: 0.00001")

@@ -1,0 +1,165 @@
+"""What a study says in two places has to fit together: before anything is wired, and once its diagrams are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+
+from cosim.errors import MetricError, PlotError, Position, Problems, UnknownSetting, WrongValue, nearest
+from cosim.network import Network
+from cosim.plot.figures import Figure
+from cosim.source import Node
+from cosim.study import names, plan
+from cosim.study.model import Study
+
+OWN = ("variant", "draw", "status", "reason", "steps", "seconds")
+"""What the data set of every study has; a metric of such a name would take its place."""
+
+
+def check(study: Study, variants: Mapping[str, Node], problems: Problems) -> None:
+    """Report what contradicts itself within the study's file."""
+    _variants(variants, problems)
+    _paths(study, problems)
+    _axes(study, problems)
+    _titles(study, problems)
+    for figure in study.figures:
+        if not figure.distribution and not study.records:
+            message = f"`figures.{figure.name}` shows signals, and the study records none"
+            problems.add(PlotError(message, figure.position, "write `record: true`"))
+
+
+def _variants(variants: Mapping[str, Node], problems: Problems) -> None:
+    """Variants are names of files, so they have to be fit for that, and different on every file system."""
+    known: dict[str, str] = {}
+    for name, node in variants.items():
+        fix = "letters, digits, spaces, _ and -, beginning with a letter or digit"
+        if flaw := names.flaw(name):
+            problems.add(WrongValue(f"a variant cannot be called {name!r}: {flaw}", node.place, fix))
+        elif (same := names.folded(name)) in known:
+            message = f"the variants `{known[same]}` and `{name}` have one name where letter case does not count"
+            problems.add(WrongValue(message, node.place, "rename one of them"))
+        else:
+            known[same] = name
+
+
+def _paths(study: Study, problems: Problems) -> None:
+    """Two places that set the same value: one of them would win without a word."""
+    setters = list(_setters(study))
+    for (one, first, _), (two, second, place) in combinations(setters, 2):
+        if _within(one, two) or _within(two, one):
+            message = f"{first} and {second} set the same value" + (
+                f": `{one}` and `{two}`" if one != two else f" `{one}`"
+            )
+            problems.add(WrongValue(message, place, "remove one of them"))
+    for variant in study.variants.values():
+        for path, node in variant.settings.items():
+            wins = [name for other, name, _ in setters if _within(path, other)]
+            if wins:
+                message = f"variant `{variant.name}` sets `{path}`, which {wins[0]} replaces in every run"
+                problems.add(WrongValue(message, node.place, "remove one of them"))
+
+
+def _setters(study: Study) -> Iterator[tuple[str, str, Position]]:
+    for axis in study.grid:
+        yield from ((path, "`grid`", axis.node.place) for path in axis.paths)
+    for draw in study.random.draws if study.random else ():
+        yield from ((path, "`random.draws`", draw.node.place) for path in draw.paths)
+
+
+def _within(path: str, other: str) -> bool:
+    """Whether a dotted path is another, or leads below it."""
+    return path == other or path.startswith(f"{other}.")
+
+
+def _axes(study: Study, problems: Problems) -> None:
+    seen: dict[str, Position] = {}
+    for axis in study.grid:
+        if axis.name in seen:
+            message = f"two axes of the grid are called `{axis.name}`"
+            problems.add(WrongValue(message, axis.node.place, "rename the block"))
+        seen[axis.name] = axis.node.place
+        twice = [label for k, label in enumerate(axis.labels) if label in axis.labels[:k]]
+        if twice:
+            message = f"`grid.{', '.join(axis.paths)}` has the value {twice[0]} twice"
+            problems.add(WrongValue(message, axis.node.position, "remove one of them"))
+
+
+def _titles(study: Study, problems: Problems) -> None:
+    """Tables and pictures are files, named by their titles."""
+    for things in ([(t.title, t.node.place) for t in study.tables], [(f.name, f.position) for f in study.figures]):
+        known: dict[str, str] = {}
+        for title, place in things:
+            stem = names.stem(title)
+            if stem in known:
+                message = f"`{known[stem]}` and `{title}` would be written to one file, `{stem}`"
+                problems.add(WrongValue(message, place, "give them titles that differ in letters or digits"))
+            known.setdefault(stem, title)
+
+
+def check_against(study: Study, bases: Mapping[str, Network], problems: Problems) -> None:
+    """Report what the variants' diagrams, each as it is without grid and draws, do not have."""
+    metrics = dict.fromkeys(name for network in bases.values() for name in network.diagram.metrics)
+    _metric_names(study, bases, problems)
+    for where, node, known in _named_metrics(study, bases, list(metrics)):
+        if str(node.value) not in known:
+            message = f"{where}: there is no metric `{node.value}`"
+            problems.add(MetricError(message, node.position, nearest(str(node.value), known)))
+        elif shape := _shape(str(node.value), bases):
+            message = f"{where}: the metric `{node.value}` has the shape {shape}, and a table takes single numbers"
+            problems.add(MetricError(message, node.position, "reduce it with max, min, mean or rms"))
+    members = set(plan.names(study)) if any(figure.members for figure in study.figures) else set()
+    for figure in study.figures:
+        _figure(figure, study, bases, members, problems)
+
+
+def _metric_names(study: Study, bases: Mapping[str, Network], problems: Problems) -> None:
+    taken = (*OWN, *study.dimensions)
+    for network in bases.values():
+        for name, metric in network.diagram.metrics.items():
+            if name in taken or not name.strip(" ./"):
+                message = f"in a study no metric can be called `{name}`, which its data set has already"
+                problems.add(MetricError(message, metric.position, "rename it"))
+
+
+def _named_metrics(
+    study: Study, bases: Mapping[str, Network], known: list[str]
+) -> Iterator[tuple[str, Node, list[str]]]:
+    """Where the study names a metric, the name, and what it could be."""
+    for table in study.tables:
+        yield from ((f"`tables.{table.title}`", column.metric, known) for column in table.columns)
+    if study.question:
+        yield "`explain`", study.question.metric, list(bases[study.question.baseline].diagram.metrics)
+    for figure in study.figures:
+        if figure.distribution:
+            yield f"`figures.{figure.name}`", Node(figure.distribution.metric, figure.position), known
+    for item in study.references:
+        own = list(bases[item.variant].diagram.metrics)
+        yield f"`references.{item.origin}.{item.variant}`", item.metric, own
+
+
+def _shape(name: str, bases: Mapping[str, Network]) -> tuple[int, ...]:
+    """The shape of a metric's value, () for a number and for events."""
+    for network in bases.values():
+        metric = network.diagram.metrics.get(name)
+        if metric and metric.reduce == "final":
+            return network.shape(network.find(str(metric.signal.value), metric.signal.position))
+    return ()
+
+
+def _figure(figure: Figure, study: Study, bases: Mapping[str, Network], members: set[str], problems: Problems) -> None:
+    """The members that a figure shows are there, and record what it shows."""
+    if figure.distribution or not study.records:
+        return
+    for name in figure.members:
+        if name not in members:
+            message = f"`figures.{figure.name}`: the study has no member `{name}`"
+            problems.add(UnknownSetting(message, figure.position, nearest(name, members)))
+    shown = [plan.variant_of(study, name) for name in figure.members if name in members] or list(bases)
+    for network in (bases[variant] for variant in shown):
+        record = network.diagram.record
+        recorded = {str(node.value) for node in record.signals} if record else set()
+        for signal in figure.signals():
+            if signal not in recorded:
+                message = f"`figures.{figure.name}` shows `{signal}`, which is not recorded"
+                fix = nearest(signal, recorded) if recorded else "name it below `record: {signals: […]}`"
+                problems.add(PlotError(message, figure.position, fix))
