@@ -14,7 +14,7 @@ from cosim.source import Node
 
 METHODS = ("random", "latin-hypercube", "sobol")
 STATISTICS = ("max", "mean", "median", "min", "rms", "std")
-OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": "mean", "events": "max"}
+OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": "mean", "events": "max", "first": "min"}
 """How a metric, by its reduction over a run, is reduced over several runs if nothing is said."""
 
 

@@ -111,7 +111,7 @@ def with_statistic(column: Column, reductions: Mapping[str, str]) -> Column:
     """The column with the statistic that its metric has if nothing is said: a minimum is reduced by the minimum."""
     if column.statistic is not None:
         return column
-    return replace(column, statistic=OVER_RUNS[reductions.get(str(column.metric.value), "max")])
+    return replace(column, statistic=OVER_RUNS[reductions[str(column.metric.value)]])
 
 
 def heading(column: Column) -> str:

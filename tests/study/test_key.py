@@ -117,8 +117,8 @@ def parts(value, found):
     if isinstance(value, list | tuple):
         for item in value:
             parts(item, found)
-    elif (is_dataclass(value) or isinstance(value, Variable)) and type(value) not in (*found, Node, Position):
-        found[type(value)] = value
+    elif (is_dataclass(value) or isinstance(value, Variable)) and not isinstance(value, type | Node | Position):
+        found.setdefault(type(value), value)
         for name in names_of(value):
             parts(getattr(value, name), found)
     return found

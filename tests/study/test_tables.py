@@ -5,7 +5,9 @@ import csv
 import numpy as np
 import pytest
 
+from cosim.metrics import REDUCTIONS
 from cosim.study import dataset, tables
+from cosim.study.model import OVER_RUNS, STATISTICS
 from cosim.study.tables import markdown
 from tests.study.conftest import DIAGRAM, STUDY
 
@@ -46,6 +48,11 @@ def test_a_metric_is_reduced_over_draws_as_it_is_over_time_and_the_heading_says_
     expected = [numbers["top"].max(), numbers["last"].mean(), numbers["low"].min(), numbers["average"].mean()]
     expected.append(np.sqrt(np.mean(numbers["effective"] ** 2)))  # of all samples of all runs, which are equally many
     assert table.values[0] == pytest.approx(expected, rel=1e-15)
+
+
+def test_every_reduction_has_its_statistic_over_runs():
+    assert set(OVER_RUNS) == set(REDUCTIONS)
+    assert set(OVER_RUNS.values()) <= set(STATISTICS)
 
 
 def test_events_are_reduced_to_the_run_with_the_most():
