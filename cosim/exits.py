@@ -9,7 +9,8 @@ BY_SIGNAL = 128
 MEANINGS = """\
 exit codes:
   0     done; `compare`: the results agree
-  1     a run was stopped by a block, diverged or could not be recorded; `compare`: the results differ
+  1     a run was stopped by a block, diverged or could not be recorded; `compare`: the results differ;
+        `study`, `report`: not one member has come to its end
   2     bad input, or a file that cannot be read or written
   128+n ended by signal n: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP; what was recorded is kept
 """

@@ -9,8 +9,8 @@ from cosim.study import command
 
 MOST_THREADS = 1024
 EXIT_CODES = """Exit codes: 0 if members have come to their end, also if others failed (the summary says how many, and
-why); 1 if not one has; 2 for bad input; 130 if interrupted: what is finished is kept, and the same command goes on from
-there."""
+why); 1 if not one has; 2 for bad input; 128+n if ended by signal n, 130 by Ctrl-C: what is finished is kept, and the
+same command goes on from there."""
 
 
 def study_arguments(parser: argparse.ArgumentParser) -> None:
