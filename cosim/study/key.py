@@ -20,8 +20,9 @@ import numpy as np
 
 from cosim.adapters import fingerprint
 from cosim.block import Declaration, Dimension, Variable
-from cosim.diagram import Diagram, MetricEntry, Record, RunSettings
+from cosim.diagram import Diagram, RunSettings
 from cosim.entry import BlockEntry
+from cosim.errors import Position
 from cosim.network import Network, Slave
 from cosim.simulation import Kernels
 from cosim.source import Node
@@ -29,19 +30,17 @@ from cosim.table import Table
 
 IGNORED: dict[type, set[str]] = {
     Table: {"network", "arena"},  # walked beside it; the arena is each member's own
-    Network: {"findings"},  # what `cosim check` says
-    Diagram: {"title", "path", "files", "unread"}  # names
+    Network: {"findings", "swaps"},  # what `cosim check` says
+    Diagram: {"title", "path", "files", "unread", "swaps"}  # names and words
     | {"blocks", "inputs", "outputs"},  # what they are resolved to is in the slaves
     RunSettings: {"nodes"},  # what YAML says of the other fields
-    Record: {"position"},
-    MetricEntry: {"position"},
     Slave: {"values"},  # each member's own
-    BlockEntry: {"type", "position"}  # a name and its place; what stands behind it is fed instead
-    | {"per", "parameters", "start", "inputs", "dimensions", "period", "integrator", "inner_steps"},  # in the slave
+    BlockEntry: {"type"}  # a name; what stands behind it is fed instead
+    | {"per", "parameters", "start", "inputs", "dimensions", "period", "integrator", "inner_steps"}  # in the slave
+    | {"dropped", "unfit"},  # what is not there
     Declaration: {"doc", "foreign"}  # words; an FMU is fed by its content
     | {"rules"},  # they judge a member before it runs, and one that breaks them has no row
     Dimension: {"description"},
-    Kernels: set(),
 }
 """For each class the fields on which no figure depends, or that are in the key by another way."""
 
@@ -105,6 +104,8 @@ def _feed(digest: Any, value: Any) -> None:
         _feed(digest, sorted(value))
     elif isinstance(value, FunctionType):
         digest.update(f"function {fingerprint(value)} ".encode())
+    elif isinstance(value, Position):
+        pass  # where something is written changes no figure
     elif isinstance(value, Node):
         _feed(digest, value.plain())
     elif isinstance(value, Variable):
