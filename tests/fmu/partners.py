@@ -60,3 +60,13 @@ class Grid(Block):
                 array[i, j] = time + 10.0 * i + j
         short[0] = time
         byte[0] = int(time * 10.0)
+
+
+class Sensitive(Block):
+    """Its bits depend on how is rounded, and on whether there are subnormal numbers, into which the second shrinks."""
+
+    x = State(2, output=True, start=[0.1, 1e-300])
+
+    def derivatives(time, x, d_x):
+        d_x[0] = math.sin(time) - x[0] / 3.0
+        d_x[1] = -50.0 * x[1]

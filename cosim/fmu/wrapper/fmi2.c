@@ -1,4 +1,5 @@
 /* The functions of FMI 2.0.4. What each may do in which state: sections 3.2.3 and 4.2.4. */
+#include "arithmetic.h"
 #include "instance.h"
 
 #include "fmi2Functions.h"
@@ -8,7 +9,9 @@
 
 enum { READABLE = ANY_PHASE & ~INSTANTIATED };
 
-#define SELF Instance *i = c
+#define SELF \
+    STANDARD_ARITHMETIC; \
+    Instance *i = c
 #define ALLOW(phases) \
     SELF; \
     if (!allowed(i, __func__, phases)) return fmi2Error

@@ -1,4 +1,5 @@
 /* The functions of FMI 3.0. What each may do in which state: sections 2.3, 3.2 and 4.2 of the standard. */
+#include "arithmetic.h"
 #include "instance.h"
 
 #include "fmi3Functions.h"
@@ -6,7 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define SELF Instance *i = c
+#define SELF \
+    STANDARD_ARITHMETIC; \
+    Instance *i = c
 #define ALLOW(phases) \
     SELF; \
     if (!allowed(i, __func__, phases)) return fmi3Error
