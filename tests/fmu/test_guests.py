@@ -158,3 +158,12 @@ def test_a_guest_of_many_words_is_cut_short(outcome):
     told = next(w.message for w in ended.warnings if "logged" in w.message)
     assert "120 warnings logged" in told and "long [31mxxx" in told
     assert len(told) < 700 and "\033" not in told
+
+
+@pytest.mark.parametrize(("what", "name"), [(guest.ROUND, "plain"), (guest.NOTHING, "flushing")])
+def test_where_there_is_no_fork_the_callers_control_word_is_kept(outcome, monkeypatch, what, name):
+    monkeypatch.setattr(supervision, "AVAILABLE", False)
+    ended, _, neighbour, _ = outcome(what, guest.EVERYWHERE, name=name)
+    assert ended.status == "completed"
+    assert np.array_equal(neighbour, expected())
+    assert ctypes.CDLL(None).fegetround() == 0
