@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -120,37 +121,40 @@ def bytes_at(address: int, size: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _ControlWord:
-    """A floating-point control word of the processor; mask: what is no sticky flag.
+    """A floating-point control word of the processor, and its value for IEEE 754's default arithmetic.
 
-    get, set: the instructions that store and load it where a pointer in a register points; clobbered: what they change.
+    mask: what is no sticky flag. get, set: the instructions that store and load the word where a pointer in a register
+    points; clobbered: what they change.
     """
 
     bits: int
+    standard: int
+    mask: int
     get: str
     set: str
-    mask: int
     clobbered: str
 
-    def read(self, builder: Any) -> Any:
-        """The word as it is now."""
-        place = cgutils.alloca_once(builder, ir.IntType(self.bits))
+    def restore(self, builder: Any) -> None:
+        """Set it to the default, if it is not."""
+        kind = ir.IntType(self.bits)
+        place = cgutils.alloca_once(builder, kind)
         self._move(builder, self.get, place)
-        return builder.load(place)
-
-    def write(self, builder: Any, value: Any) -> None:
-        """Change it."""
-        place = cgutils.alloca_once(builder, ir.IntType(self.bits))
-        builder.store(value, place)
-        self._move(builder, self.set, place)
+        wrong = builder.and_(builder.xor(builder.load(place), kind(self.standard)), kind(self.mask))
+        with builder.if_then(builder.icmp_unsigned("!=", wrong, kind(0)), likely=False):
+            builder.store(kind(self.standard), place)
+            self._move(builder, self.set, place)
 
     def _move(self, builder: Any, instruction: str, place: Any) -> None:
         kind = ir.FunctionType(ir.VoidType(), [place.type])
         builder.asm(kind, instruction, f"r,~{{memory}},~{{{self.clobbered}}}", [place], side_effect=True)
 
 
-_X86_VECTOR = _ControlWord(32, "stmxcsr ($0)", "ldmxcsr ($0)", 0xFFC0, "fpsr")
-_X86_STACK = _ControlWord(16, "fnstcw ($0)", "fldcw ($0)", 0xFFFF, "fpsr")
-_ARM = _ControlWord(64, "mrs x9, fpcr; str x9, [$0]", "ldr x9, [$0]; msr fpcr, x9", 0xFFFFFFFF, "x9")
+_X86_STACK_STANDARD = 0x027F if sys.platform == "win32" else 0x037F
+_X86 = (
+    _ControlWord(32, 0x1F80, 0xFFC0, "stmxcsr ($0)", "ldmxcsr ($0)", "fpsr"),
+    _ControlWord(16, _X86_STACK_STANDARD, 0x0F3F, "fnstcw ($0)", "fldcw ($0)", "fpsr"),
+)
+_ARM = (_ControlWord(64, 0, 0x7FFFFFFF, "mrs x9, fpcr; str x9, [$0]", "ldr x9, [$0]; msr fpcr, x9", "x9"),)
 
 
 def _is_arm() -> bool:
@@ -159,7 +163,10 @@ def _is_arm() -> bool:
 
 @intrinsic
 def invoke(context: Any, function: Any, arguments: Any) -> Any:
-    """`cosim.memory.invoke`, compiled: an indirect C call whose signature follows from the arguments' types."""
+    """`cosim.memory.invoke`, compiled: an indirect C call whose signature follows from the arguments' types.
+
+    The loop runs with IEEE 754's default arithmetic, see `cosim.floating`, and so it goes on after the call.
+    """
     kinds = [types.float64 if isinstance(a, types.Float) else types.int64 for a in arguments]
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -167,13 +174,9 @@ def invoke(context: Any, function: Any, arguments: Any) -> Any:
         given = [context.cast(builder, v, a, k) for v, a, k in zip(given, arguments, kinds, strict=True)]
         kind = ir.FunctionType(ir.IntType(32), [context.get_value_type(k) for k in kinds])
         function = builder.inttoptr(values[0], kind.as_pointer())
-        words = [_X86_VECTOR, _X86_STACK] if not _is_arm() else [_ARM]
-        before = [word.read(builder) for word in words]
         status = builder.call(function, given)
-        for word, old in zip(words, before, strict=True):
-            changed = builder.and_(builder.xor(word.read(builder), old), ir.Constant(old.type, word.mask))
-            with builder.if_then(builder.icmp_unsigned("!=", changed, changed.type(0)), likely=False):
-                word.write(builder, old)
+        for word in _ARM if _is_arm() else _X86:
+            word.restore(builder)
         return status
 
     return types.int32(types.int64, arguments), generate

@@ -77,7 +77,7 @@ def bytes_at(address: int, size: int) -> np.ndarray:
 def invoke(function: int, arguments: tuple[int | float, ...]) -> int:
     """Call a C function that returns an int32: floats go as double, integers and addresses as 64-bit words.
 
-    The floating-point control word is afterwards what it was.
+    The floating-point control word is afterwards what it was, which for the loop is the default.
     """
     kinds = tuple(ctypes.c_double if isinstance(a, float) else ctypes.c_int64 for a in arguments)
     plain = [float(a) if isinstance(a, float) else int(a) for a in arguments]

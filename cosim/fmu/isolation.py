@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import kernels
+from cosim import floating, kernels
 from cosim.fmu import adapter, layout, mailbox
 from cosim.fmu.instance import Instances
 from cosim.hosts import Loop
@@ -60,9 +60,10 @@ class Served(Instances):
         """Do calls for the loop, until told to stop."""
         serve = _KERNEL(self._code.address("serve"))
         parent = os.getppid()
-        while serve(0.0, self.arena.ctypes.data, self.box.ctypes.data) == mailbox.WARNING:
-            if os.getppid() != parent:
-                os._exit(1)
+        with floating.standard():
+            while serve(0.0, self.arena.ctypes.data, self.box.ctypes.data) == mailbox.WARNING:
+                if os.getppid() != parent:
+                    os._exit(1)
 
     def stop(self) -> None:
         """Have `serve` return; called by who calls the loop, while it rests."""
