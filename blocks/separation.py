@@ -7,44 +7,34 @@ from numpy.typing import NDArray
 
 from blocks.cell_grid import later, later_near, sees_all, sort_into_cells
 from blocks.distance import planar_square, surely_beyond
-from cosim.block import Dimension, Input, Local, Measure, Output, Parameter, State, rule
+from cosim.block import Dimension, Input, Local, Measure, Output, Parameter, State, condition, rule
 
 
-def remember(pairs: NDArray, i: int, j: int) -> None:
-    """Write a pair to the first free row, marked by a 0 in its first column.
-
-    Raises: ValueError if there is none.
-    """
-    for k in range(pairs.shape[0]):
-        if pairs[k, 0] == 0:
-            pairs[k, 0] = i + 1
-            pairs[k, 1] = j + 1
-            return
-    raise ValueError("more pairs of robots collide than `collision_capacity`: raise it under this block's dimensions")
+def rows_used(collisions: NDArray) -> int:
+    """How many rows of the table hold a pair; they come first, a NaN marks the others."""
+    used = 0
+    while used < collisions.shape[0] and collisions[used, 0] > 0.0:
+        used += 1
+    return used
 
 
-def forget(pairs: NDArray) -> None:
-    """Free all rows; used ones come first."""
-    for k in range(pairs.shape[0]):
-        if pairs[k, 0] == 0:
-            return
-        pairs[k, 0] = 0
+def has_row(collisions: NDArray, used: int, i: int, j: int) -> bool:
+    """Whether the robots i < j (numbers from 0) are among the first `used` rows of the table."""
+    listed = False
+    for k in range(used):
+        listed = listed or (collisions[k, 0] == i + 1 and collisions[k, 1] == j + 1)
+    return listed
 
 
-def note(i: int, j: int, time: float, collisions: NDArray) -> None:
-    """Write a pair that collides to the first free row, marked by a NaN, unless it has a row.
-
-    Raises: ValueError if there is none.
-    """
-    for k in range(collisions.shape[0]):
-        if not collisions[k, 0] > 0.0:
-            collisions[k, 0] = i
-            collisions[k, 1] = j
-            collisions[k, 2] = time
-            return
-        if collisions[k, 0] == i and collisions[k, 1] == j:
-            return
-    raise ValueError("more pairs of robots collided than `collision_capacity`: raise it under this block's dimensions")
+def everything_listed(unlisted, collision_capacity):
+    """Whether the table of collisions had a row for every pair."""
+    count = int(unlisted.largest)
+    if count == 0:
+        return True, ""
+    return False, (
+        f"the first {collision_capacity} are listed; at t = {unlisted.largest_at:.4g} s, {count} more touched: "
+        f"raise `collision_capacity` under this block's dimensions"
+    )
 
 
 class Separation(Measure):
@@ -54,11 +44,13 @@ class Separation(Measure):
 
         x ─► min_gap       exact: near robots are found through a cell grid, whose reach is doubled until no pair
           ─► collisions    beyond it can be nearer than the nearest one within it
+          ─► unlisted
 
     A pair collides when its gap is first 0 or less; it gets a row [i, j, time] with the robots' numbers i < j from 1.
+    When all rows are used, `unlisted` counts the pairs that touch and have none.
     """
 
-    collision_capacity = Dimension(default=20, description="how many pairs may collide in a run")
+    collision_capacity = Dimension(default=20, description="how many pairs that collide are listed")
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
@@ -66,25 +58,27 @@ class Separation(Measure):
     heads = Local("robots", dtype=np.int64, unit="1", description="work space: first robot of each bucket")
     links = Local("robots", dtype=np.int64, unit="1", description="work space: next robot of a bucket")
     found = Local("robots", dtype=np.int64, unit="1", description="work space: robots near one robot")
-    touching = Local(
-        "collision_capacity", 2, dtype=np.int32, unit="1", description="pairs that touch, numbers from 1; 0: none"
-    )
     min_gap = Output(unit="m", description="smallest gap of all pairs; infinite for a single robot")
-    collisions = State(
-        "collision_capacity", 3, output=True, start=math.nan, description="rows [i, j, time]; NaN where none"
-    )
+    unlisted = Output(dtype=np.int64, unit="1", description="how many pairs touch that have no row and get none")
+    collisions = Output("collision_capacity", 3, description="rows [i, j, time] so far; NaN where none")
+    listed = State("collision_capacity", 3, start=math.nan, description="the rows before this instant")
 
     positive = rule("radii > 0")(lambda radii: min(radii) > 0.0)
+    complete = condition("every pair that collides is listed")(everything_listed)
 
-    def outputs(x, radii, cells, heads, links, found, touching, min_gap):
+    def outputs(time, x, radii, listed, cells, heads, links, found, min_gap, unlisted, collisions):
         largest = 0.0
         for i in range(radii.size):
             largest = max(largest, radii[i])
         reach = 8.0 * largest
+        before = rows_used(listed)
+        for k in range(before):
+            for q in range(3):
+                collisions[k, q] = listed[k, q]
         while True:
             sort_into_cells(x, reach, cells, heads, links)
-            forget(touching)
             smallest = math.inf
+            used, without = before, 0
             for i in range(x.shape[0]):
                 for k in range(later_near(i, cells, heads, links, found)):
                     j = later(k, i, found)
@@ -93,15 +87,23 @@ class Separation(Measure):
                         continue
                     gap = math.sqrt(square) - radii[i] - radii[j]
                     smallest = min(smallest, gap)
-                    if gap <= 0.0:
-                        remember(touching, i, j)
+                    if gap > 0.0 or has_row(listed, before, i, j):
+                        continue
+                    if used < collisions.shape[0]:
+                        collisions[used, 0], collisions[used, 1], collisions[used, 2] = i + 1, j + 1, time
+                        used += 1
+                    else:
+                        without += 1
             if smallest <= reach - 2.0 * largest or sees_all(x, reach):
-                min_gap[0] = smallest
-                return
+                break
             reach *= 2.0
+        for k in range(used, collisions.shape[0]):
+            for q in range(3):
+                collisions[k, q] = math.nan
+        min_gap[0] = smallest
+        unlisted[0] = without
 
-    def update(time, touching, next_collisions):
-        for k in range(touching.shape[0]):
-            if touching[k, 0] == 0:
-                return
-            note(touching[k, 0], touching[k, 1], time, next_collisions)
+    def update(collisions, next_listed):
+        for k in range(rows_used(next_listed), rows_used(collisions)):
+            for q in range(3):
+                next_listed[k, q] = collisions[k, q]

@@ -12,6 +12,7 @@ from blocks.estimation_errors import EstimationErrors
 from blocks.formation_errors import FormationErrors
 from blocks.pair_gaps import PairGaps, pairs_are_robots
 from blocks.separation import Separation
+from cosim import run
 
 
 def test_estimation_errors():
@@ -46,12 +47,19 @@ def test_formation_errors():
 
 
 def separation(x, radii, capacity=50):
-    """The smallest gap and the touching pairs."""
+    """The smallest gap, and the rows of the pairs that touch."""
+    return measure(0.0, x, radii, np.full((capacity, 3), math.nan))[:2]
+
+
+def measure(time, x, radii, listed):
+    """The smallest gap, the table of collisions, and how many pairs have no row; `listed` gets the new ones."""
     robots = len(x)
     cells, work = np.zeros((robots, 2), np.int64), np.zeros((3, robots), np.int64)
-    touching, min_gap = np.zeros((capacity, 2), np.int32), np.zeros(1)
-    Separation.outputs(x, radii, cells, *work, touching, min_gap)
-    return min_gap[0], touching
+    collisions, min_gap, unlisted = np.full_like(listed, 99.0), np.zeros(1), np.zeros(1, np.int64)
+    Separation.outputs(time, x, radii, listed, cells, *work, min_gap, unlisted, collisions)
+    Separation.update(collisions, listed)
+    assert np.array_equal(collisions, listed, equal_nan=True)
+    return min_gap[0], collisions, unlisted[0]
 
 
 def all_gaps(x, radii):
@@ -65,11 +73,11 @@ def all_gaps(x, radii):
 def test_smallest_gap_of_all_pairs(robots, side):
     rng = np.random.default_rng(robots)
     x, radii = rng.uniform(-side, side, (robots, 2)), rng.uniform(0.01, 0.05, robots)
-    min_gap, touching = separation(x, radii)
+    min_gap, collisions = separation(x, radii)
     gaps = all_gaps(x, radii)
     assert min_gap == pytest.approx(gaps.min(), rel=1e-12, abs=1e-14)
-    rows = touching[touching[:, 0] > 0]
-    assert rows.tolist() == (np.argwhere(gaps <= 0) + 1).tolist()
+    rows = collisions[collisions[:, 0] > 0]
+    assert rows[:, :2].tolist() == (np.argwhere(gaps <= 0) + 1).tolist()
 
 
 def test_grid_and_all_pairs_agree_bit_for_bit(monkeypatch):
@@ -79,7 +87,7 @@ def test_grid_and_all_pairs_agree_bit_for_bit(monkeypatch):
     monkeypatch.setattr(cell_grid, "SMALL", 100)
     by_pairs = separation(x, radii)
     assert by_grid[0] == by_pairs[0]
-    assert np.array_equal(by_grid[1], by_pairs[1])
+    assert np.array_equal(by_grid[1], by_pairs[1], equal_nan=True)
 
 
 def test_a_single_robot_has_no_gap():
@@ -91,21 +99,95 @@ def test_many_robots_far_apart_are_seen_all():
     assert separation(x, np.full(40, 0.1))[0] == pytest.approx(1000 - 0.2)
 
 
-def test_collisions_are_remembered_once_with_their_first_time():
-    collisions = np.full((3, 3), math.nan)
-    steps = [(0.1, [[0, 0], [0, 0]]), (0.2, [[1, 6], [0, 0]]), (0.3, [[1, 6], [2, 3]]), (0.4, [[2, 3], [0, 0]])]
-    for time, touching in steps:
-        Separation.update(time, np.array(touching, np.int32), collisions)
-    assert collisions[:2].tolist() == [[1, 6, 0.2], [2, 3, 0.3]]
-    assert np.isnan(collisions[2]).all()
+def line(*places):
+    """Robots on a line, for radii of 0.5."""
+    return np.column_stack((places, np.zeros(len(places))))
 
 
-def test_too_many_collisions_stop_the_run():
-    with pytest.raises(ValueError, match="collision_capacity"):
-        separation(np.zeros((6, 2)), np.ones(6), capacity=14)
-    full = np.array([[1.0, 2.0, 0.0]])
-    with pytest.raises(ValueError, match="collision_capacity"):
-        Separation.update(1.0, np.array([[3, 4]], np.int32), full)
+def test_collisions_are_listed_once_with_their_first_time():
+    listed = np.full((3, 3), math.nan)
+    apart, first, both, second = (
+        np.column_stack((p, np.zeros(3))) for p in ((0, 2, 4), (0, 0.9, 4), (0, 0.9, 1.8), (0, 2, 2.9))
+    )
+    for time, x in ((0.1, apart), (0.2, first), (0.3, both), (0.4, second)):
+        assert measure(time, x, np.full(3, 0.5), listed)[2] == 0
+    assert listed[:2].tolist() == [[1, 2, 0.2], [2, 3, 0.3]]
+    assert np.isnan(listed[2]).all()
+
+
+def test_what_finds_no_row_is_counted():
+    """Of the 15 pairs of six robots in one place, a table of 4 lists the first 4 and keeps them."""
+    listed = np.full((4, 3), math.nan)
+    for time in (1.0, 2.0):
+        assert measure(time, np.zeros((6, 2)), np.ones(6), listed)[2] == 11
+    assert listed.tolist() == [[1, 2, 1.0], [1, 3, 1.0], [1, 4, 1.0], [1, 5, 1.0]]
+    assert measure(3.0, 10.0 * np.arange(12).reshape(6, 2), np.ones(6), listed)[2] == 0
+
+
+CROWD = """
+run: {stop: 0.02, step: 0.01}
+fleets: {robot: 40}
+blocks:
+  place: {block: SineWavePath, per: robot, parameters: {speed: 0, amplitude: 0, frequency: 0}}
+  separation: {block: Separation, parameters: {radii: 1}, inputs: {x: place.x_c}}
+metrics: {collisions: {signal: separation.collisions, reduce: events}}
+"""
+
+
+@pytest.mark.parametrize("engine", run.ENGINES)
+def test_more_collisions_than_rows_end_no_run(tmp_path, engine):
+    (tmp_path / "crowd.yaml").write_text(CROWD)
+    outcome = run.Run(run.load(tmp_path / "crowd.yaml"), engine).execute()
+    assert (outcome.status, outcome.steps) == ("completed", 2)
+    assert [event["pair"] for event in outcome.metrics["collisions"]] == [[1, j] for j in range(2, 22)]
+    (warning,) = outcome.warnings
+    assert f"{40 * 39 // 2 - 20} more touched" in warning.message
+    assert "collision_capacity" in warning.message
+    roomy = run.Run(
+        run.load(tmp_path / "crowd.yaml", ["blocks.separation.dimensions={collision_capacity: 780}"]), engine
+    )
+    outcome = roomy.execute()
+    assert len(outcome.metrics["collisions"]) == 780 and not outcome.warnings
+
+
+APPROACH = """
+run: {stop: 1, step: 0.01}
+fleets: {robot: 2}
+blocks:
+  centre: {block: SineWavePath, per: robot, parameters: {speed: [0, -1.0], amplitude: 0, frequency: 0}}
+  place:
+    block: CircularFormationReference
+    per: robot
+    parameters: {radius: [0, 1.995], angle: 0}
+    inputs: {x_c: centre.x_c, dx_c: centre.dx_c, ddx_c: centre.ddx_c}
+  separation: {block: Separation, parameters: {radii: 0.5}, inputs: {x: place.x_d}}
+metrics: {collisions: {signal: separation.collisions, reduce: events}}
+"""
+
+
+def test_a_collision_at_the_very_end_of_a_run_is_seen(tmp_path):
+    """The gap is 0.995 - t, in steps of 0.01 s."""
+    (tmp_path / "approach.yaml").write_text(APPROACH)
+    outcome = run.Run(run.load(tmp_path / "approach.yaml"), "python").execute()
+    assert outcome.metrics["collisions"] == [{"pair": [1, 2], "time": 1.0}]
+    outcome = run.Run(run.load(tmp_path / "approach.yaml", ["run.stop=0.99"]), "python").execute()
+    assert outcome.metrics["collisions"] == []
+
+
+def test_a_pair_of_large_robots_beyond_reach_may_be_nearer_than_one_of_small_robots_within():
+    """Robots of 1 m are first looked for within 8 m: they may be 6 m apart beyond it."""
+    x = np.column_stack((np.arange(40) * 1000.0, np.zeros(40)))
+    radii = np.full(40, 0.01)
+    radii[:2] = 1.0
+    x[:2, 0] = 7.95, 16.05  # two cells apart, gap 6.1 m
+    x[2:4, 0] = 5100.0, 5106.22  # gap 6.2 m
+    assert separation(x, radii)[0] == pytest.approx(6.1, abs=1e-12)
+
+
+def test_the_smallest_gap_is_exact_when_the_nearest_pair_is_far_beyond_reach():
+    x = np.column_stack((np.arange(40) * 1000.0, np.zeros(40)))
+    x[20, 0] -= 500.0
+    assert separation(x, np.full(40, 1.0))[0] == 498.0
 
 
 def test_pair_gaps():
