@@ -3,7 +3,7 @@
 import numpy as np
 
 from blocks.consensus import local_errors
-from blocks.stability_conditions import formation_reached, references_apart, topology_slow
+from blocks.stability_conditions import formation_reached, network_covers_reference, references_apart, topology_slow
 from cosim.block import Block, Input, Local, Output, Parameter, condition, rule
 
 
@@ -52,6 +52,9 @@ class SlidingModeController(Block):
     slow = condition("sigma(Lambda) - L_M/sigma(L_1 + B) > 0", "Theorem 3")(topology_slow)
     apart = condition("references farther apart than the outer boundary of the potential", "Definition 2, eq. 36")(
         references_apart
+    )
+    covered = condition("the reference stays within one width of the observer's neurons until the end", "Remark 5")(
+        network_covers_reference
     )
 
     def outputs(

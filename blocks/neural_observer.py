@@ -4,7 +4,7 @@ import math
 
 from blocks.radial_basis import activations, equal_spacing, weighted_sum
 from blocks.signed_power import common_root, signed_powers
-from blocks.stability_conditions import observer_region, observer_stable
+from blocks.stability_conditions import network_covers_run, observer_region, observer_stable
 from cosim.block import Block, CalculatedParameter, Input, Local, Output, Parameter, State, condition, rule
 
 
@@ -46,6 +46,7 @@ class NeuralObserver(Block):
     s_1 = Local("n", description="sgn^beta_1(e)")
     s_2 = Local("n", description="sgn^beta_2(e)")
     phi = Local("neurons", unit="1", description="activations of the neurons")
+    coverage = Local(unit="1", description="largest activation: 1/e where y is one width away from the nearest centre")
 
     positive = rule("alpha_1, alpha_2 > 0", "Theorem 1")(lambda alpha_1, alpha_2: min(alpha_1, alpha_2) > 0.0)
     exponent = rule("0.5 < beta_1 < 1", "Theorem 1")(lambda beta_1: 0.5 < beta_1 < 1.0)
@@ -55,6 +56,7 @@ class NeuralObserver(Block):
     )
     stable = condition("A of the error's dynamics is Hurwitz", "Theorem 1, Lemma 4")(observer_stable)
     region = condition("the ultimate bound of the error lies in each band's region (23)", "Theorem 2")(observer_region)
+    covered = condition("y stays within one width of a neuron", "Remark 5")(network_covers_run)
 
     def calculate(beta_1, c_v, centres, width, root, spacing, decay, lower):
         root[0] = common_root(beta_1)
@@ -73,8 +75,8 @@ class NeuralObserver(Block):
             s_1[q] = x[q] - x_hat[q]
         signed_powers(beta_1, root, s_1, s_2)
 
-    def outputs(x, v_hat, W_hat, centres, width, spacing, decay, phi, w_hat):
-        activations(x, v_hat, centres, width, spacing, decay, phi)
+    def outputs(x, v_hat, W_hat, centres, width, spacing, decay, phi, coverage, w_hat):
+        coverage[0] = activations(x, v_hat, centres, width, spacing, decay, phi)
         weighted_sum(W_hat, phi, w_hat)
 
     def derivatives(

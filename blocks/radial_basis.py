@@ -18,17 +18,19 @@ def equal_spacing(centres: NDArray) -> float:
 
 def activations(
     x: NDArray, v: NDArray, centres: NDArray, width: float, spacing: float, decay: float, phi: NDArray
-) -> None:
-    """phi_j = exp(-||y - d_j||^2 / width^2), (7); x, v: (n); centres, phi: (neurons).
+) -> float:
+    """phi_j = exp(-||y - d_j||^2 / width^2), (7); x, v: (n); centres, phi: (neurons). Returns the largest of them.
 
     With equal spacing, the quotient of two neighbours is itself a geometric sequence, so that three exponentials
     are enough. Going outwards from the centre nearest to y, all quotients are below 1 and nothing can overflow.
     spacing: `equal_spacing(centres)`; decay: exp(-4 spacing^2 / width^2).
     """
     if spacing == 0.0:
+        highest = 0.0
         for j in range(phi.size):
             phi[j] = activation(x, v, centres[j], width)
-        return
+            highest = max(highest, phi[j])
+        return highest
     per_spacing = 1.0 / spacing
     last = phi.size - 1
     middle = 0.0
@@ -56,6 +58,7 @@ def activations(
             value *= quotient
             quotient *= falling
             phi[j] = value
+    return largest
 
 
 def activation(x: NDArray, v: NDArray, centre: float, width: float) -> float:

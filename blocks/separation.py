@@ -98,8 +98,7 @@ class Separation(Measure):
                 break
             reach *= 2.0
         for k in range(used, collisions.shape[0]):
-            for q in range(3):
-                collisions[k, q] = math.nan
+            collisions[k, 0], collisions[k, 1], collisions[k, 2] = math.nan, math.nan, math.nan
         min_gap[0] = smallest
         unlisted[0] = without
 

@@ -1,4 +1,7 @@
-"""The conditions of the paper's theorems, evaluated on a diagram's own matrices; each returns (holds, numbers)."""
+"""The conditions of the paper's theorems, evaluated on a diagram's own matrices and along its run.
+
+Each returns (holds, numbers); None for "holds" means that nobody can say.
+"""
 
 import math
 
@@ -7,34 +10,83 @@ import numpy as np
 #: Up to so many robots, dense linear algebra is faster than sparse.
 DENSE = 300
 
-#: The relative speed (m/s) of two robots for which Theorem 3's bound of dL_2/dt is evaluated.
+#: The relative speed (m/s) of two robots that is assumed before a run, for a bound of dL_2/dt.
 CLOSING_SPEED = 1.0
+
+#: A neuron whose centre is one width away is active by this much, (7).
+WITHIN_WIDTH = math.exp(-1.0)
 
 
 # ---- Theorem 3: the network ------------------------------------------------------------------------------------
 
 
 def formation_reached(neighbours, b, c):
-    """c sigma(Q_1)/2 - sigma_max(P_1) L_M/sigma(L_1 + B) > 0 of Theorem 3."""
-    if not _has_static_graph(neighbours):
-        return True, "the topology has no static graph"
-    p, q_1, sigma = network_matrices(neighbours.parameters["hears"], b)
-    bound, how = rate_bound(neighbours)
-    margin = c * q_1 / 2.0 - p.max() * bound / sigma
-    numbers = f"sigma(Q_1) = {q_1:.4g}, P_1 from {p.min():.4g} to {p.max():.4g}, sigma(L_1 + B) = {sigma:.4g}"
-    admitted = c * q_1 / 2.0 * sigma / p.max()
-    return margin > 0.0, f"{numbers}; {how}; left side {margin:.4g} 1/s; admits L_M < {admitted:.4g} 1/s"
+    """c sigma(Q_1)/2 - sigma_max(P_1) L_M/sigma(L_1 + B) > 0 of Theorem 3, with an assumed L_M."""
+    rate, how = assumed_rate(neighbours)
+    return (None, how) if rate is None else _reached(neighbours, b, c, rate, how)
 
 
 def topology_slow(neighbours, b, lambda_):
-    """sigma(Lambda) - L_M/sigma(L_1 + B) > 0 of Theorem 3."""
+    """sigma(Lambda) - L_M/sigma(L_1 + B) > 0 of Theorem 3, with an assumed L_M."""
+    rate, how = assumed_rate(neighbours)
+    return (None, how) if rate is None else _slow(neighbours, b, lambda_, rate, how)
+
+
+def formation_reached_along(dL_2, weights, s_hat):
+    """The same along a run, with the largest ||dL_2/dt||, for the controller whose s_hat it is."""
+    if not (_has_static_graph(weights) and _has_gains(s_hat)):
+        return None, UNKNOWN_NETWORK
+    return _reached(weights, s_hat.parameters["b"], float(s_hat.parameters["c"]), *_measured_rate(dL_2))
+
+
+def topology_slow_along(dL_2, weights, s_hat):
+    """The same along a run, with the largest ||dL_2/dt||, for the controller whose s_hat it is."""
+    if not (_has_static_graph(weights) and _has_gains(s_hat)):
+        return None, UNKNOWN_NETWORK
+    return _slow(weights, s_hat.parameters["b"], s_hat.parameters["lambda_"], *_measured_rate(dL_2))
+
+
+UNKNOWN_NETWORK = "the static graph of the topology or the gains of the controller are not known"
+
+
+def _reached(topology, b, c, rate, how):
+    p, q_1, sigma = network_matrices(topology.parameters["hears"], b)
+    margin = c * q_1 / 2.0 - p.max() * rate / sigma
+    numbers = f"sigma(Q_1) = {q_1:.4g}, P_1 from {p.min():.4g} to {p.max():.4g}, sigma(L_1 + B) = {sigma:.4g}"
+    admitted = c * q_1 / 2.0 * sigma / p.max()
+    return bool(margin > 0.0), f"{how}; admitted < {admitted:.4g} 1/s; left side {margin:.4g} 1/s; {numbers}"
+
+
+def _slow(topology, b, lambda_, rate, how):
+    _, _, sigma = network_matrices(topology.parameters["hears"], b)
+    smallest = float(min(lambda_))
+    margin = smallest - rate / sigma
+    numbers = f"sigma(Lambda) = {smallest:.4g}, sigma(L_1 + B) = {sigma:.4g}"
+    return bool(margin > 0.0), f"{how}; admitted < {smallest * sigma:.4g} 1/s; left side {margin:.4g} 1/s; {numbers}"
+
+
+def _measured_rate(dL_2):
+    return dL_2.largest, f"L_M = {dL_2.largest:.4g} 1/s, largest ||dL_2/dt||, at t = {dL_2.largest_at:.4g} s"
+
+
+def assumed_rate(neighbours):
+    """(L_M, how it was found): a bound of ||dL_2/dt||_F (1/s); None where nothing is known of the topology.
+
+    |f'| is at most eta_1 eta_2 / 4. A pair whose distance changes at a rate r changes two elements of A_2 and two of
+    D_2 by at most |f'| r each. Assumption 3 demands no more than that a bound exists; how fast and how many robots
+    come near each other is the run's own affair. So the bound is that of one pair at CLOSING_SPEED, and what the
+    conditions admit at most is told beside it: while a run exceeds that, the theorem does not speak of it.
+    """
     if not _has_static_graph(neighbours):
-        return True, "the topology has no static graph"
-    _, _, sigma = network_matrices(neighbours.parameters["hears"], b)
-    bound, how = rate_bound(neighbours)
-    margin = float(min(lambda_)) - bound / sigma
-    numbers = f"sigma(Lambda) = {min(lambda_):.4g}, sigma(L_1 + B) = {sigma:.4g}"
-    return margin > 0.0, f"{numbers}; {how}; left side {margin:.4g} 1/s; admits L_M < {min(lambda_) * sigma:.4g} 1/s"
+        return None, "the static graph of the topology is not known"
+    if neighbours.block == "StaticTopology":
+        return 0.0, "L_M = 0 1/s, as the topology is static"
+    if not {"eta_1", "eta_2"} <= set(neighbours.parameters):
+        return None, "how the topology changes with distance is not known"
+    slope = float(neighbours.parameters["eta_1"] * neighbours.parameters["eta_2"]) / 4.0
+    bound = 2.0 * slope * CLOSING_SPEED
+    pair = f"one pair closing at {CLOSING_SPEED:.4g} m/s, max |f'| = {slope:.4g} 1/m"
+    return bound, f"L_M = {bound:.4g} 1/s is assumed ({pair}), TopologyRate measures it"
 
 
 def network_matrices(hears, b):
@@ -42,12 +94,19 @@ def network_matrices(hears, b):
 
     The proof of Theorem 3 uses sigma(L_1 + B) as the inverse of a bound of ||(L_1 + B)^-1||, hence the singular value.
     """
-    from scipy.sparse import csc_array, diags_array
-    from scipy.sparse.linalg import spsolve
-
     heard = [(i, j - 1) for i, row in enumerate(hears.tolist()) for j in row if j != 0]
     rows, columns = np.array(heard, int).reshape(-1, 2).T
     robots = len(hears)
+    if robots <= DENSE:
+        pinned = np.diag(np.bincount(rows, minlength=robots) + np.asarray(b, float))
+        pinned[rows, columns] -= 1.0
+        p = 1.0 / np.linalg.solve(pinned, np.ones(robots))
+        weighted = p[:, np.newaxis] * pinned
+        smallest = [float(np.linalg.eigvalsh(matrix)[0]) for matrix in (weighted + weighted.T, pinned.T @ pinned)]
+        return p, smallest[0], math.sqrt(max(0.0, smallest[1]))
+    from scipy.sparse import csc_array, diags_array
+    from scipy.sparse.linalg import spsolve
+
     adjacency = csc_array((np.ones(len(heard)), (rows, columns)), shape=(robots, robots))
     pinned = csc_array(diags_array(adjacency.sum(axis=1) + b) - adjacency)
     p = 1.0 / np.atleast_1d(spsolve(pinned, np.ones(robots)))
@@ -55,28 +114,15 @@ def network_matrices(hears, b):
     return p, _smallest_eigenvalue(weighted + weighted.T), math.sqrt(max(0.0, _smallest_eigenvalue(pinned.T @ pinned)))
 
 
-def rate_bound(neighbours):
-    """(L_M, how it was found): a bound of ||dL_2/dt||_F (1/s).
-
-    |f'| is at most eta_1 eta_2 / 4. A pair whose distance changes at a rate r changes two elements of A_2 and two of
-    D_2 by at most |f'| r each. Assumption 3 demands no more than that a bound exists; how fast and how many robots
-    come near each other is the run's own affair. So the bound is that of one pair at CLOSING_SPEED, and what the
-    conditions admit at most is told beside it: while a run exceeds that, the theorem does not speak of it.
-    """
-    if "eta_1" not in neighbours.parameters:
-        return 0.0, "L_M = 0 1/s, as the topology is static"
-    slope = float(neighbours.parameters["eta_1"] * neighbours.parameters["eta_2"]) / 4.0
-    bound = 2.0 * slope * CLOSING_SPEED
-    return bound, f"L_M = {bound:.4g} 1/s for a pair closing at {CLOSING_SPEED:.4g} m/s, max |f'| = {slope:.4g} 1/m"
-
-
 def _has_static_graph(neighbours):
     return neighbours is not None and "hears" in neighbours.parameters
 
 
+def _has_gains(s_hat):
+    return s_hat is not None and {"b", "c", "lambda_"} <= set(s_hat.parameters)
+
+
 def _smallest_eigenvalue(symmetric):
-    if symmetric.shape[0] <= DENSE:
-        return float(np.linalg.eigvalsh(symmetric.toarray())[0])
     from scipy.sparse.linalg import eigsh
 
     start = np.ones(symmetric.shape[0])
@@ -87,23 +133,96 @@ def _smallest_eigenvalue(symmetric):
 
 
 def references_apart(x_d, F):
-    """outer < ||x_d_i - x_d_j|| of Definition 2, for references on one circle."""
+    """outer < ||x_d_i - x_d_j|| of Definition 2 for every pair, for references on one circle."""
     circle = x_d is not None and {"angle", "radius"} <= set(x_d.parameters)
     if not circle or F is None or not {"radii", "epsilon_2"} <= set(F.parameters):
-        return True, "not determined by these blocks' parameters"
-    radii = F.parameters["radii"]
-    angle = np.resize(x_d.parameters["angle"], len(radii))
-    places = np.resize(x_d.parameters["radius"], len(radii)) * np.exp(1j * angle)
-    from scipy.spatial import KDTree
+        return None, "the references or the field are of another kind: nothing is known of their distances"
+    centre = x_d.inputs.get("x_c")
+    if centre is not None and centre.members > 1:
+        return None, "every reference has a centre of its own"
+    outer = float(F.parameters["epsilon_2"]) * F.parameters["radii"]
+    if len(outer) < 2:
+        return True, "a single robot"
+    i, j, distance = _tightest_pair(_places(x_d, len(outer)), outer)
+    boundary = outer[i] + outer[j]
+    numbers = f"robots {i + 1} and {j + 1}: references {distance:.4g} m apart, outer boundary {boundary:.4g} m"
+    return bool(distance > boundary), numbers
 
-    points = np.column_stack((places.real, places.imag))
-    distances, nearest = KDTree(points).query(points, k=2)
-    slack = distances[:, 1] - F.parameters["epsilon_2"] * (radii + radii[nearest[:, 1]])
-    i = int(np.argmin(slack))
-    j = int(nearest[i, 1])
-    outer = float(F.parameters["epsilon_2"] * (radii[i] + radii[j]))
-    numbers = f"robots {i + 1} and {j + 1}: references {distances[i, 1]:.4g} m apart, outer boundary {outer:.4g} m"
-    return bool(slack[i] > 0.0), numbers
+
+def _places(x_d, robots):
+    """Where the references stand around their centre (m), (robots, 2)."""
+    angle, radius = (np.resize(x_d.parameters[name], robots) for name in ("angle", "radius"))
+    return np.column_stack((radius * np.cos(angle), radius * np.sin(angle)))
+
+
+def _tightest_pair(places, outer):
+    """The pair i < j with the least ||places_i - places_j|| - outer_i - outer_j, and that distance (m)."""
+    least, found = math.inf, (0, 0, math.inf)
+    for i in range(len(places) - 1):
+        distances = np.hypot(*(places[i + 1 :] - places[i]).T)
+        slack = distances - outer[i + 1 :]
+        j = int(np.argmin(slack))
+        if slack[j] - outer[i] < least:
+            least, found = slack[j] - outer[i], (i, i + 1 + j, float(distances[j]))
+    return found
+
+
+# ---- Remark 5: where the network feels -------------------------------------------------------------------------
+
+
+def network_covers_reference(x_d, v_hat, stop):
+    """Whether y = [x_d; dx_d/dt] stays within one width of a centre until the run's end, for references (43)."""
+    if v_hat is None or not {"centres", "width"} <= set(v_hat.parameters):
+        return None, "the observer has no neural network whose width is known"
+    if x_d is None or not {"angle", "radius"} <= set(x_d.parameters):
+        return None, "where the references go is not known"
+    centre = x_d.inputs.get("x_c")
+    if centre is None or not {"speed", "amplitude", "frequency"} <= set(centre.parameters):
+        return None, "where the references' centre goes is not known"
+    names = ("speed", "amplitude", "frequency")
+    robots = max(x_d.members, centre.members)
+    path = np.array([np.resize(centre.parameters[name], robots) for name in names]).T
+    width = np.resize(v_hat.parameters["width"], robots)
+    centres = np.resize(v_hat.parameters["centres"], (robots, v_hat.parameters["centres"].shape[-1]))
+    times = np.linspace(0.0, stop, _samples(path[:, 2].max(), stop))
+    worst, numbers = 0.0, ""
+    for i, place in enumerate(_places(x_d, robots)):
+        away = _away_from_centres(_visited(place, *path[i], times), centres[i])
+        at = int(np.argmax(away))
+        if away[at] / width[i] > worst:
+            worst = away[at] / width[i]
+            numbers = (
+                f"robot {i + 1}: y is {away[at]:.4g} from every centre at t = {times[at]:.4g} s, width {width[i]:.4g}"
+            )
+            if worst > 1.0:
+                numbers += f", and beyond it from t = {times[np.argmax(away > width[i])]:.4g} s; enlarge `width`"
+    return bool(worst <= 1.0), numbers
+
+
+def network_covers_run(coverage):
+    """Whether y = [x; v_hat] stayed within one width of a centre: some neuron was active by 1/e or more."""
+    numbers = f"the most active neuron fell to {coverage.smallest:.3g} at t = {coverage.smallest_at:.4g} s"
+    holds = coverage.smallest >= WITHIN_WIDTH
+    return holds, numbers if holds else f"{numbers}, below 1/e: enlarge `width`"
+
+
+def _samples(frequency, stop):
+    """How many times are looked at: twenty a period of the path (rad/s), within bounds."""
+    return int(min(max(20.0 * abs(frequency) * stop / (2.0 * math.pi), 1000.0), 100_000.0)) + 1
+
+
+def _visited(place, speed, amplitude, frequency, times):
+    """y = [x_d; dx_d/dt] of (43) at these times, (6, times)."""
+    y, phase = np.zeros((6, times.size)), frequency * times
+    y[0], y[1] = place[0] + speed * times, place[1] + amplitude * np.sin(phase)
+    y[3], y[4] = speed, amplitude * frequency * np.cos(phase)
+    return y
+
+
+def _away_from_centres(y, centres):
+    """How far y (2n, times) is from the nearest d_j = centre_j [1, …, 1]."""
+    nearest = np.min(np.abs(y.mean(axis=0) - centres[:, np.newaxis]), axis=0)
+    return np.sqrt(((y - y.mean(axis=0)) ** 2).sum(axis=0) + len(y) * nearest**2)
 
 
 # ---- Theorems 1 and 2: the observer ----------------------------------------------------------------------------
@@ -122,9 +241,9 @@ def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, wi
     """K < 10^(c_v - j) for every band j but the last, and K < 10^(c_v - n_v + 1) for that, (23).
 
     K is the root that follows from (16) and stands in the proof of Theorem 2. It contains bounds that nobody knows: of
-    the optimal weights, W_M, and of the network's bias, epsilon_M. With both 0 it is a lower bound of K: a band that
-    fails fails for certain, one that holds may still fail. The theorem is sufficient only; its K comes from worst
-    cases and is far above the errors that a run shows.
+    the optimal weights, W_M, and of the network's bias, epsilon_M. With both assumed 0 it is a lower bound of K: a band
+    that fails fails for certain; where none does, nobody can say. The theorem is sufficient only; its K comes from
+    worst cases and is far above the errors that a run shows.
     """
     p, smallest_q = lyapunov_matrix(alpha_1, alpha_2, beta_1)
     bands = len(gamma_1)
@@ -137,7 +256,8 @@ def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, wi
         limit = 10.0 ** (c_v - j if j < bands else c_v - bands + 1)
         holds = holds and ultimate < limit
         texts.append(f"{ultimate:.3g} {'<' if ultimate < limit else '>='} {limit:.3g}")
-    return holds, f"{_p_2(p)}, phi_M = {phi_max:.4g}; K, at least, band by band: {'; '.join(texts)}"
+    numbers = f"{_p_2(p)}, phi_M = {phi_max:.4g}, W_M = 0 and epsilon_M = 0 are assumed"
+    return None if holds else False, f"{numbers}; K, at least, band by band: {'; '.join(texts)}"
 
 
 def lyapunov_matrix(alpha_1, alpha_2, beta_1):

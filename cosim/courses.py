@@ -17,34 +17,41 @@ class Courses:
 
     def __init__(self, members: int) -> None:
         self.seen = False
-        self._smallest = _Extremes(members)
-        self._negated = _Extremes(members)
+        self._smallest = _Extremes(members, np.minimum, np.argmin)
+        self._largest = _Extremes(members, np.maximum, np.argmax)
 
     def update(self, times: Array, samples: Array) -> None:
         """Take a batch: times (k,) in s and samples (k, *shape), the members first if there are several."""
         if samples.size:
             self.seen = True
-            values = np.asarray(samples, float).reshape(len(times), self._smallest.values.size, -1)
-            self._smallest.update(times, values.min(axis=2))
-            self._negated.update(times, -values.max(axis=2))
+            members = len(self._smallest.values)
+            series = np.ascontiguousarray(samples.reshape(len(times), members, -1).transpose(1, 2, 0))
+            self._smallest.update(times, series)
+            self._largest.update(times, series)
 
     def of_members(self) -> list[Course]:
         """The course of each member."""
-        low, high = self._smallest, self._negated
-        return [Course(*map(float, row)) for row in zip(low.values, low.times, -high.values, high.times, strict=True)]
+        low, high = self._smallest, self._largest
+        return [Course(*map(float, row)) for row in zip(low.values, low.times, high.values, high.times, strict=True)]
 
 
 class _Extremes:
-    """The smallest value of each member, and when it came first (s)."""
+    """The smallest or largest value of each member, and when it came first (s).
 
-    def __init__(self, members: int) -> None:
-        self.values = np.full(members, np.inf)
+    pick, place: np.minimum and np.argmin, or np.maximum and np.argmax; a NaN is the extreme for all of them.
+    """
+
+    def __init__(self, members: int, pick: Any, place: Any) -> None:
+        self.values = np.full(members, np.nan)
         self.times = np.full(members, np.nan)
+        self._pick = pick
+        self._place = place
 
-    def update(self, times: Array, values: Array) -> None:
-        """times: (k,); values: (k, members)."""
-        at = values.argmin(axis=0)  # of a NaN, if there is one
-        found = values[at, np.arange(at.size)]
-        better = np.isnan(self.times) | (~(found >= self.values) & ~np.isnan(self.values))
-        self.values = np.where(better, found, self.values)
-        self.times = np.where(better, times[at], self.times)
+    def update(self, times: Array, series: Array) -> None:
+        """times: (k,); series: (members, elements, k)."""
+        found = self._pick.reduce(self._pick.reduce(series, axis=2), axis=1)
+        unseen, lost = np.isnan(self.times), np.isnan(self.values)
+        better = unseen | (~lost & (np.isnan(found) | (self._pick(found, self.values) != self.values)))
+        if better.any():
+            self.values[better] = found[better]
+            self.times[better] = times[self._place(self._pick.reduce(series[better], axis=1), axis=1)]

@@ -20,6 +20,7 @@ class Source:
     block: str
     parameters: dict[str, np.ndarray]
     inputs: Mapping[str, Source] = field(default_factory=dict)
+    members: int = 1
 
 
 def check(slaves: dict[str, Slave], names: Iterable[str], problems: Problems) -> None:
@@ -121,7 +122,7 @@ def _source(slaves: dict[str, Slave], signal: Signal) -> Source:
     slave = slaves[signal.slave]
     parameters = {v.name: slave.values[v.name] for v in slave.declaration.of(Parameter)}
     unmapped = {k: v if slave.fleet else v[0] for k, v in parameters.items()}
-    return Source(slave.declaration.name, unmapped, _Sources(slaves, slave))
+    return Source(slave.declaration.name, unmapped, _Sources(slaves, slave), slave.count)
 
 
 class _Sources(Mapping[str, Source]):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import results, run
+from cosim import results, rules, run
 
 DIAGRAMS = Path(__file__).parents[1] / "diagrams"
 ALL = sorted(path.name for path in DIAGRAMS.glob("*.yaml"))
@@ -42,6 +42,31 @@ def test_the_formation_is_kept_without_collision():
     assert errors == pytest.approx([0.013, 0.035, 0.073], rel=0.15)
     assert all(ours < theirs for ours, theirs in zip(errors, (0.016, 0.057, 0.12), strict=True))
     assert found.events == []
+    holds = {(f.slave, f.source, f.text): f.holds for f in found.conditions}
+    assert [key[1:] for key, held in holds.items() if not held] == [
+        ("Theorem 3", "sigma(Lambda) - L_M/sigma(L_1 + B) > 0 along the run")
+    ]
+
+
+def test_theorem_3_is_judged_by_the_runs_own_rate():
+    """||dL_2/dt|| is 5.29 1/s at 0.148 s, also in an independent simulation; the second condition admits 4."""
+    found = outcome("formation.yaml", "run.stop=1")
+    (warning,) = found.warnings
+    assert "topology_rate: Theorem 3, sigma(Lambda)" in warning.message
+    assert "L_M = 5.292 1/s" in warning.message and "at t = 0.148 s" in warning.message
+
+
+def test_a_run_that_leaves_the_networks_region_is_told():
+    """Remark 5: with mu = 8 the formation drives out of what the network feels; delta_x is 0.61 m at 60 s."""
+    network = run.load(DIAGRAMS / "formation.yaml", ["run.stop=60"])
+    (before,) = [f for f in rules.conditions(network) if f.source == "Remark 5"]
+    assert before.holds is False and "from t = 33.8" in before.numbers
+    found = run.Run(network).execute()
+    assert found.metrics["delta_x"] == pytest.approx(0.61, rel=0.1)
+    assert [f.holds for f in found.conditions if f.source == "Remark 5"] == [False]
+    wide = outcome("formation.yaml", "run.stop=60", "blocks.observer.parameters.width=40")
+    assert [f.holds for f in wide.conditions if f.source == "Remark 5"] == [True]
+    assert wide.metrics["delta_x"] < 0.03
 
 
 COLLISIONS = {

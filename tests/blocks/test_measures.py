@@ -11,8 +11,11 @@ from blocks.edge_weights import EdgeWeights, edges_are_pairs
 from blocks.estimation_errors import EstimationErrors
 from blocks.formation_errors import FormationErrors
 from blocks.pair_gaps import PairGaps, pairs_are_robots
+from blocks.range_topology import RangeTopology
 from blocks.separation import Separation
+from blocks.topology_rate import TopologyRate, same_function
 from cosim import run
+from cosim.rules import Source
 
 
 def test_estimation_errors():
@@ -188,6 +191,48 @@ def test_the_smallest_gap_is_exact_when_the_nearest_pair_is_far_beyond_reach():
     x = np.column_stack((np.arange(40) * 1000.0, np.zeros(40)))
     x[20, 0] -= 500.0
     assert separation(x, np.full(40, 1.0))[0] == 498.0
+
+
+def range_based(x, hears, eta_1=0.2, eta_2=14.0, eta_3=1.1, R_c=1.5):
+    """L_2 by (5) and (44)."""
+    distances = np.linalg.norm(x[:, np.newaxis, :2] - x[:, :2], axis=2)
+    a_2 = np.where(distances <= R_c, eta_1 / (1 + np.exp(eta_2 * (distances - eta_3))), 0.0)
+    np.fill_diagonal(a_2, 0.0)
+    for i, row in enumerate(hears):
+        a_2[i, [j - 1 for j in row if j]] = 0.0
+    return np.diag(a_2.sum(axis=1)) - a_2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_topology_rate(seed):
+    """The norm of L_2, and of its central difference along the robots' velocities."""
+    rng = np.random.default_rng(seed)
+    x, v, h = rng.uniform(-1, 1, (6, 3)), rng.normal(size=(6, 3)), 1e-6
+    hears = np.array([[4, 0], [3, 5], [1, 0], [5, 0], [6, 0], [2, 1]], np.int32)
+    neighbours, weights = np.zeros((6, 8), np.int32), np.zeros((6, 8))
+    work = np.zeros((6, 2), np.int64), *np.zeros((3, 6), np.int64), np.zeros(6, np.int32)
+    RangeTopology.outputs(x, hears, 0.2, 14.0, 1.1, 1.5, *work, neighbours, weights)
+    L_2, dL_2 = np.zeros((2, 1))
+    TopologyRate.outputs(x, v, neighbours, weights, 0.2, 14.0, L_2, dL_2)
+    assert L_2[0] == pytest.approx(np.linalg.norm(range_based(x, hears)), rel=1e-12) and L_2[0] > 0.1
+    difference = (range_based(x + h * v, hears) - range_based(x - h * v, hears)) / (2 * h)
+    assert dL_2[0] == pytest.approx(np.linalg.norm(difference), rel=1e-6)
+
+
+def test_topology_rate_of_the_static_graph_and_of_robots_in_one_place():
+    L_2, dL_2 = np.ones((2, 1))
+    neighbours, weights = np.array([[1], [0]], np.int32), np.ones((2, 1))
+    TopologyRate.outputs(np.eye(2), np.ones((2, 2)), neighbours, weights, 0.2, 14.0, L_2, dL_2)
+    assert (L_2[0], dL_2[0]) == (0.0, 0.0)
+    TopologyRate.outputs(np.zeros((2, 2)), np.eye(2), neighbours, 0.1 * weights, 0.2, 14.0, L_2, dL_2)
+    assert (L_2[0], dL_2[0]) == (pytest.approx(0.2), 0.0)
+
+
+def test_topology_rate_asks_for_the_topologys_own_function():
+    theirs = Source("RangeTopology", {"eta_1": np.array(0.2), "eta_2": np.array(14.0)})
+    assert same_function(theirs, 0.2, 14.0)[0] and not same_function(theirs, 0.2, 7.0)[0]
+    assert not same_function(theirs, 0.3, 14.0)[0]
+    assert same_function(Source("StaticTopology", {}), 0.2, 14.0)[0]
 
 
 def test_pair_gaps():

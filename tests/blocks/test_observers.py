@@ -7,7 +7,8 @@ from blocks.finite_time_observer import FiniteTimeObserver
 from blocks.neural_observer import NeuralObserver
 from blocks.radial_basis import activations, equal_spacing, weighted_sum
 from blocks.signed_power import common_root
-from blocks.stability_conditions import lyapunov_matrix, observer_region, observer_stable
+from blocks.stability_conditions import lyapunov_matrix, network_covers_run, observer_region, observer_stable
+from cosim.block import Course
 
 CENTRES = np.arange(-2.0, 6.0)
 GAMMA_1 = np.array([1.0, 5.0, 50.0, 200.0, 10000.0])
@@ -70,7 +71,7 @@ def neural(x, u, g, x_hat, v_hat, W_hat, gamma_1, gamma_2, beta_1=2 / 3):
     s_1, s_2, w_hat, d_x, d_v = np.zeros((5, 3))
     phi, d_W = np.zeros(8), np.zeros((8, 3))
     NeuralObserver.outputs_correction(x, x_hat, beta_1, root[0], s_1, s_2)
-    NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, spacing[0], decay[0], phi, w_hat)
+    NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, spacing[0], decay[0], phi, np.zeros(1), w_hat)
     NeuralObserver.derivatives(
         u, g, v_hat, W_hat, w_hat, s_1, s_2, phi, 8.0, 7.0, gamma_1, gamma_2, lower, d_x, d_v, d_W
     )
@@ -141,6 +142,44 @@ def test_theorem_1_holds_for_the_papers_gains():
 
 
 def test_region_of_theorem_2_depends_on_the_bands():
-    assert not observer_region(8.0, 8.0, 2 / 3, GAMMA_1, GAMMA_2, 1.0, CENTRES, 8.0, 3)[0]
+    holds, numbers = observer_region(8.0, 8.0, 2 / 3, GAMMA_1, GAMMA_2, 1.0, CENTRES, 8.0, 3)
+    assert holds is False
+    assert "W_M = 0 and epsilon_M = 0 are assumed" in numbers
     wide = observer_region(8.0, 8.0, 2 / 3, np.array([1.0]), np.array([20.0]), 5.0, CENTRES, 8.0, 3)
-    assert wide[0], wide[1]
+    assert wide[0] is None, wide[1]  # as K is a lower bound: nobody can say that it holds
+
+
+def test_the_bound_of_theorem_2_is_the_root_of_its_derivation():
+    """K solves -sigma(Q_2)/2 K^(3 - 1/beta_1) + k_2^2/(4 k_1 gamma_2) K = 0, from (16) with W_M = epsilon_M = 0.
+
+    k_1 = ||C|| = 1, k_2 = phi_M ||P_2 B + gamma_1 C^T||, and phi_M is the largest ||phi|| of any y.
+    """
+    alpha_1, alpha_2, beta_1 = 8.0, 7.0, 0.7
+    numbers = observer_region(alpha_1, alpha_2, beta_1, GAMMA_1, GAMMA_2, 1.0, CENTRES, 8.0, 3)[1]
+    p, sigma = lyapunov_matrix(alpha_1, alpha_2, beta_1)
+    heights = np.linspace(-10, 10, 4001)
+    phi_m = max(np.linalg.norm(gaussian(np.full(3, h), np.full(3, h), CENTRES, 8.0)) for h in heights)
+    bounds = [float(part.split()[0]) for part in numbers.partition("band by band: ")[2].split(";")]
+    for gamma_1, gamma_2, k in zip(GAMMA_1, GAMMA_2, bounds, strict=True):
+        k_2 = phi_m * np.linalg.norm(p @ [0.0, 1.0] + gamma_1 * np.array([1.0, 0.0]))
+        terms = sigma / 2 * k ** (3 - 1 / beta_1), k_2**2 / (4 * gamma_2) * k
+        assert terms[0] == pytest.approx(terms[1], rel=2e-2)  # K is told with three digits
+    limits = [float(part.split()[2]) for part in numbers.partition("band by band: ")[2].split(";")]
+    assert limits == pytest.approx([1.0, 0.1, 0.01, 0.001, 0.001])  # 10^(c_v - j), the last 10^(c_v - n_v + 1)
+
+
+@pytest.mark.parametrize("centres", [CENTRES, np.array([0.0, 1.0, 4.0])])
+def test_coverage_is_the_largest_activation(centres):
+    rng = np.random.default_rng(8)
+    for x, v in rng.normal(scale=4.0, size=(50, 2, 3)):
+        phi, coverage, w_hat = np.zeros(centres.size), np.zeros(1), np.zeros(3)
+        spacing = equal_spacing(centres)
+        decay = np.exp(-4.0 * spacing**2 / 64.0)
+        NeuralObserver.outputs(x, v, np.zeros((centres.size, 3)), centres, 8.0, spacing, decay, phi, coverage, w_hat)
+        assert coverage[0] == phi.max() == pytest.approx(gaussian(x, v, centres, 8.0).max(), rel=1e-12)
+
+
+def test_a_network_that_feels_nothing_is_told():
+    assert network_covers_run(Course(0.37, 5.0, 1.0, 0.0))[0] is True  # 1/e = 0.3679
+    holds, numbers = network_covers_run(Course(0.36, 34.0, 1.0, 0.0))
+    assert holds is False and "0.36 at t = 34 s" in numbers
