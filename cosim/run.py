@@ -313,11 +313,17 @@ def _of_metric(metric: MetricEntry, error: MetricError) -> MetricError:
 
 
 def _keeps_events(network: Network, signal: Signal) -> bool:
-    """Whether rows of a signal may be events: unused ones are NaN from the start. Of an FMU, only values tell."""
-    variable = network.variable(signal)
-    if network.slaves[signal.slave].declaration.foreign:
-        return True
-    return isinstance(variable, State) and isinstance(variable.start, float) and math.isnan(variable.start)
+    """Whether rows of a signal may be events: unused ones are NaN from the start, in a state or what is made of it.
+
+    Of an FMU, only values tell.
+    """
+    variable, declaration = network.variable(signal), network.slaves[signal.slave].declaration
+    writer = declaration.writer(signal.variable)
+    made_of = [declaration.variables.get(name) for name in writer.reads] if writer else [variable]
+    return declaration.foreign is not None or any(
+        isinstance(v, State) and v.shape == variable.shape and isinstance(v.start, float) and math.isnan(v.start)
+        for v in made_of
+    )
 
 
 def _empty(diagram: Diagram, found: Mapping[str, tuple[Signal, Reduction]]) -> Iterator[CosimError]:
