@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from cosim.plot import animation, figures
-from cosim.plot.animation import Motion
+from cosim.plot.animation import PORTS, Motion
 from cosim.results import open_result
 
 
@@ -15,6 +15,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULT.nc", help="several are drawn over each other")
     parser.add_argument("--signals", default="", metavar="a.b,c.d[1]", help="default: what the metrics reduce")
     parser.add_argument("--animate", action="store_true", help="robots moving, as .gif or .html")
+    for part, port in PORTS.items():
+        help_ = f"with --animate: the signal with their {part} (default: the recorded port called `{port}`)"
+        parser.add_argument(f"--{part}", metavar="a.b", help=help_)
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="a .png, .svg or .pdf (default: RESULT.png)")
 
 
@@ -24,7 +27,8 @@ def run(options: argparse.Namespace) -> int:
     if options.animate:
         output = options.output or first.with_suffix(".gif")
         with open_result(first) as result:
-            animation.animate(result, Motion(), output)
+            motion = animation.animate(result, Motion(**{part: getattr(options, part) for part in PORTS}), output)
+        print(", ".join(f"{part} {name}" for part, name in motion.signals.items()))
     else:
         output = options.output or first.with_suffix(".png")
         print(", ".join(figures.plot(options.results, _names(options.signals), output)))

@@ -19,6 +19,8 @@ from cosim.results import Result
 from cosim.source import Node, describe
 
 KINDS = ("lines", "plane", "distribution")
+MOST_CHANNELS = 6
+"""A signal of more channels is no vector in space, and is drawn in one panel."""
 _VALUE: dict[str, Any] = {}
 _FIGURE = dict.fromkeys(
     ("kind", "caption", "members", "columns", "height", "panels", "positions", "references", "radii", "at"), _VALUE
@@ -179,7 +181,17 @@ def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[st
         chosen = list(signals) or default_signals(first)
         if not chosen:
             raise PlotError(f"{paths[0]} holds no signals", fix="add `record:` to the diagram")
-        panels = [Panel([name]) for name in chosen]
+        panels = [panel for name in chosen for panel in _panels_of(first, name)]
         stack.enter_context(style.style())
         style.save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
     return chosen
+
+
+def _panels_of(result: Result, text: str) -> list[Panel]:
+    """The panels of a signal: one, or one for each channel if it has several of many members."""
+    signal = result.signals.get(text)
+    shape = signal.shape if signal else ()
+    if len(shape) != 2 or shape[0] * shape[1] <= lines.NAMED or shape[1] > MOST_CHANNELS:
+        return [Panel([text])]
+    names = [str(i + 1) for i in range(shape[0])]
+    return [Panel([f"{text}[:,{j + 1}]"], names=names) for j in range(shape[1])]

@@ -15,7 +15,9 @@ from cosim.results import Result
 DECADES = 2.5
 """A positive curve that spans more decades than this is drawn on a logarithmic axis, if nothing else is said."""
 NAMED = 8
-"""More lines than this in a panel are drawn thin and without a legend."""
+"""More lines than this in a panel are drawn thin, with the legend above them."""
+LISTED = 24
+"""More lines than this have no names but their number."""
 
 
 @dataclass
@@ -51,16 +53,27 @@ def draw(runs: Mapping[str, Result], panels: Sequence[Panel], columns: int = 1, 
             continue
         _panel(axis, runs, panels[k])
     _share_labels(axes)
-    legends = [_key(axis) for axis in axes.flat if axis.axison]
-    if len(runs) > 1 and len(set(legends)) == 1:
-        handles, labels = axes.flat[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 5))
-    else:
-        for axis in axes.flat:
-            handles, labels = axis.get_legend_handles_labels()
-            if 0 < len(labels) <= NAMED and (len(labels) > 1 or len(runs) > 1):
-                axis.legend(loc="best")
+    _legends(figure, [axis for axis in axes.flat if axis.axison], len(runs), columns)
     return figure
+
+
+def _legends(figure: Any, axes: Sequence[Any], runs: int, columns: int) -> None:
+    """Say which line is which: once for all panels if they have the same lines, else in each."""
+    names = [tuple(axis.get_legend_handles_labels()[1]) for axis in axes]
+    if len(axes) > 1 and len(set(names)) == 1 and 1 < len(names[0]) <= LISTED:
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 8 if columns > 1 else 5))
+        return
+    beside = 5 if columns == 1 else 3
+    for axis, own in zip(axes, names, strict=True):
+        if len(own) > LISTED:
+            axis.annotate(f"{len(own)} lines", (1, 1), (-3, -3), **CORNER)
+        elif len(own) > NAMED:
+            rows = -(-len(own) // beside)
+            axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.02), ncols=beside, fontsize=7)
+            figure.set_figheight(figure.get_figheight() + 0.18 * rows / columns + 0.1)
+        elif len(own) > 1 or runs > 1:
+            axis.legend(loc="best")
 
 
 def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
@@ -69,9 +82,11 @@ def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
     found = [(run, curve) for run, result in runs.items() for curve in _curves(result, panel)]
     many = len(found) > NAMED
     names = _names(runs, panel, [curve for _, curve in found])
+    each = max(len(found) // max(len(runs), 1), 1)
     for k, (_, curve) in enumerate(found):
-        look = {"color": style.COLOURS[k % len(style.COLOURS)], "linewidth": 0.6} if many else style.line(k)
-        axis.plot(curve.times, curve.values, label=names[k], **look)
+        # Several lines of several runs: the colour tells which line it is, the dash which run.
+        look = style.line(k) if each == 1 or len(runs) == 1 else style.line(k % each, k // each)
+        axis.plot(curve.times, curve.values, label=names[k], **look | ({"linewidth": 0.7} if many else {}))
     for name, value in panel.thresholds.items():
         axis.axhline(value, color="#505050", linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1)
         axis.annotate(
@@ -83,7 +98,8 @@ def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
         axis.set_yscale("log", nonpositive="mask")
         axis.yaxis.set_minor_formatter(NullFormatter())
         _limit_decades(axis, values)
-    unit = style.unit_text(found[0][1].unit) if found and not panel.derivative else ""
+    units = {curve.unit for _, curve in found}
+    unit = style.unit_text(units.pop()) if len(units) == 1 and not panel.derivative else ""
     label = panel.label or (panel.signals[0] if len(panel.signals) == 1 else "")
     axis.set_ylabel(f"{label} ({unit})" if unit else label)
     axis.set_xlabel(panel.over_label or panel.over or "time (s)")
@@ -118,15 +134,25 @@ def _slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _names(runs: Mapping[str, Result], panel: Panel, found: Sequence[Curve]) -> list[str]:
-    """What each line is called: the run, the signal, or both, whatever tells them apart."""
+    """What each line is called: the run, the signal, or both, whatever tells them apart; units where they differ."""
     each = len(found) // max(len(runs), 1)
     own = [panel.names[k % each] if each and k % each < len(panel.names) else c.label for k, c in enumerate(found)]
+    if len({curve.unit for curve in found}) > 1:
+        units = [style.unit_text(curve.unit) for curve in found]
+        own = [f"{name} ({unit})" if unit else name for name, unit in zip(own, units, strict=True)]
     if each <= 1 and len(runs) > 1:
         return list(runs)
     return own if len(runs) == 1 else [f"{list(runs)[k // each]}: {name}" for k, name in enumerate(own)]
 
 
 def _is_wide(values: Sequence[np.ndarray]) -> bool:
+    """Whether curves fit a logarithmic axis only: all of them together, or one alone, and none is negative."""
+    if len(values) > 1 and any(np.any(v < 0) for v in values):
+        return False
+    return _spans_decades(values) or any(_spans_decades([v]) for v in values)
+
+
+def _spans_decades(values: Sequence[np.ndarray]) -> bool:
     every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     positive = every[every > 0]
     if not positive.size or every.min() < 0:
@@ -141,6 +167,10 @@ def _limit_decades(axis: Any, values: Sequence[np.ndarray]) -> None:
         axis.set_ylim(bottom=10 ** np.floor(np.log10(min(lows))))
 
 
+CORNER: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 7}
+"""How a note stands in the upper right corner of a panel."""
+
+
 def _share_labels(axes: Any) -> None:
     """Within a column of panels over the same quantity only the lowest says which."""
     for column in axes.T:
@@ -148,7 +178,3 @@ def _share_labels(axes: Any) -> None:
         if len({axis.get_xlabel() for axis in shown}) == 1:
             for axis in shown[:-1]:
                 axis.set_xlabel("")
-
-
-def _key(axis: Any) -> tuple[str, ...]:
-    return tuple(axis.get_legend_handles_labels()[1])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from cosim.errors import PlotError
 from cosim.plot import style
 from cosim.plot.signals import read
 from cosim.results import Result
@@ -29,59 +31,136 @@ class Plane:
 
 
 def draw(result: Result, plane: Plane) -> Any:
-    """A figure of one run; must be called within `style.style()`."""
+    """A figure of one run; must be called within `style.style()`.
+
+    All times are in one picture, unless bodies of different times would cover each other: then each has its own.
+    """
     from matplotlib import pyplot
 
-    _, x = read(result, plane.positions)
-    wanted = read(result, plane.references)[1] if plane.references else None
-    radius = read(result, plane.radii)[1][0] if plane.radii else np.zeros(x.shape[1])
+    paths = _Paths(result, plane)
     shown = [int(np.searchsorted(result.times, t - 1e-9)) for t in plane.at or (result.times[0], result.times[-1])]
-    shown = [min(k, len(result.times) - 1) for k in shown]
-    span = [np.ptp(x[:, :, q]) + 2 * radius.max() for q in range(2)]
-    height = min(max(style.WIDTH * span[1] / span[0] + 0.6, 2.5), 6.5)
-    figure, axis = pyplot.subplots(figsize=(style.WIDTH, height))
-    for i in range(x.shape[1]):
-        axis.plot(x[:, i, 0], x[:, i, 1], label=f"{i + 1}", color=style.COLOURS[i % 8], zorder=3)
-        if wanted is not None:
-            axis.plot(
-                wanted[:, i, 0], wanted[:, i, 1], linestyle=(0, (1, 1.5)), color="#808080", linewidth=0.7, zorder=2
-            )
-    if wanted is not None:
-        _circles(axis, wanted, shown)
-        axis.plot([], [], linestyle=(0, (1, 1.5)), color="#808080", linewidth=0.7, label="reference")
-    for k in shown:
-        bodies(axis, x[k], radius)
-        box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
-        place = _below((x if wanted is None else wanted)[k, :, :2])
-        axis.text(
-            place[0], place[1], f"{result.times[k]:g} s", ha="center", va="center", style="italic", bbox=box, zorder=7
-        )
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.margins(0.04)
-    axis.set_xlabel(f"$p_x$ ({plane.unit})")
-    axis.set_ylabel(f"$p_y$ ({plane.unit})")
-    axis.set_title(plane.title)
-    figure.legend(loc="outside upper center", ncols=x.shape[1] + 1, title="robot" if x.shape[1] <= 8 else None)
+    shown = list(dict.fromkeys(min(k, len(result.times) - 1) for k in shown))
+    if not paths.cover_each_other(shown):
+        size = (style.WIDTH, min(max(style.WIDTH * paths.ratio() + 0.6, 2.5), 6.5))
+        figure, axis = pyplot.subplots(figsize=size)
+        paths.draw(axis, shown)
+        axis.set_title(plane.title)
+        axis.margins(0.04)
+        axes: list[Any] = [axis]
+    else:
+        rows = -(-len(shown) // 2)
+        figure, grid = pyplot.subplots(rows, 2, figsize=(style.WIDTH, rows * style.COLUMN + 0.4), squeeze=False)
+        axes = list(grid.flat)
+        half = max(paths.reach(k) for k in shown)
+        for axis, since, k in zip(axes, [0, *shown], shown, strict=False):
+            paths.draw(axis, [k], since)
+            centre = paths.centre(k)
+            axis.set(xlim=(centre[0] - half, centre[0] + half), ylim=(centre[1] - half, centre[1] + half))
+        for axis in axes[len(shown) :]:
+            axis.set_axis_off()
+        figure.suptitle(plane.title)
+    for axis in axes[: len(shown)]:
+        axis.set_aspect("equal", adjustable="datalim" if len(axes) == 1 else "box")
+        axis.set_xlabel(f"$p_x$ ({plane.unit})")
+        axis.set_ylabel(f"$p_y$ ({plane.unit})")
+    handles, labels = axes[0].get_legend_handles_labels()
+    title = "robot" if paths.count <= 8 else None
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(paths.count, 8) + 1, title=title)
     return figure
 
 
-def bodies(axis: Any, x: np.ndarray, radius: np.ndarray) -> list[Any]:
-    """Each body as a disc to scale, with its number, and its heading if the positions have a third channel."""
-    from matplotlib.patches import Circle
+class _Paths:
+    """The ways of some bodies through the plane, those that they should take, and the bodies themselves."""
 
-    made = []
-    for i in range(len(x)):
-        colour = style.COLOURS[i % len(style.COLOURS)]
-        disc = Circle(
-            tuple(x[i, :2]), max(radius[i], 1e-9), facecolor="white", edgecolor=colour, linewidth=1.0, zorder=4
-        )
-        axis.add_patch(disc)
-        made.append(disc)
-        if x.shape[1] > 2:
-            tip = x[i, :2] + radius[i] * np.array([np.cos(x[i, 2]), np.sin(x[i, 2])])
-            made += axis.plot(*zip(x[i, :2], tip, strict=True), color=colour, linewidth=1.0, zorder=5)
-        made.append(axis.text(*x[i, :2], str(i + 1), ha="center", va="center", fontsize=6.5, zorder=6))
-    return made
+    def __init__(self, result: Result, plane: Plane) -> None:
+        _, self.x = read(result, plane.positions)
+        if self.x.ndim != 3 or self.x.shape[2] < 2 or not len(self.x):
+            fix = "name a signal of shape (bodies, 2 or more)"
+            raise PlotError(f"`{plane.positions}` is no list of positions", fix=fix)
+        self.times = result.times
+        self.wanted = read(result, plane.references)[1] if plane.references else None
+        self.count = self.x.shape[1]
+        self.radius = read(result, plane.radii)[1][0] if plane.radii else np.zeros(self.count)
+
+    def cover_each_other(self, shown: Sequence[int]) -> bool:
+        """Whether a body at one time covers one at another."""
+        least = self.radius[:, None] + self.radius
+        pairs = combinations(shown, 2)
+        return any(np.any(_distances(self.x[a, :, :2], self.x[b, :, :2]) < least) for a, b in pairs)
+
+    def ratio(self) -> float:
+        """Height over width of all ways."""
+        width, height = (np.ptp(self.x[:, :, q]) + 2 * self.radius.max() for q in range(2))
+        return float(height / width)
+
+    def centre(self, k: int) -> np.ndarray:
+        """The middle of the bodies and of their references at one time."""
+        points = self._points(k)
+        return (points.min(axis=0) + points.max(axis=0)) / 2
+
+    def reach(self, k: int) -> float:
+        """Half the side of a square around them."""
+        return float(1.1 * (np.ptp(self._points(k), axis=0).max() / 2 + self.radius.max()))
+
+    def _points(self, k: int) -> np.ndarray:
+        points = self.x[k, :, :2]
+        if self.wanted is None:
+            return points
+        centre, radii = _spread(self.wanted[k, :, :2])
+        return np.concatenate([points, centre + radii.max(), centre - radii.max()], axis=None).reshape(-1, 2)
+
+    def draw(self, axis: Any, shown: Sequence[int], since: int = 0) -> None:
+        """The ways from one sample to the last one that is shown, or to the end, and the bodies at those shown."""
+        until = shown[-1] + 1 if since or len(shown) == 1 else len(self.times)
+        for i in range(self.count):
+            way = self.x[since:until, i]
+            axis.plot(way[:, 0], way[:, 1], label=f"{i + 1}", color=style.COLOURS[i % 8], zorder=3)
+        dots: Any = {"linestyle": (0, (1, 1.5)), "color": "#808080", "linewidth": 0.7}
+        if self.wanted is not None:
+            for i in range(self.count):
+                axis.plot(*self.wanted[since:until, i, :2].T, zorder=2, **dots)
+            axis.plot([], [], label="reference", **dots)
+            _circles(axis, self.wanted, shown)
+        for k in shown:
+            bodies(axis, self.x[k], self.radius)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
+            place = _below((self.x if self.wanted is None else self.wanted)[k, :, :2])
+            words: Any = {"ha": "center", "va": "center", "style": "italic", "bbox": box, "zorder": 7}
+            axis.text(place[0], place[1], f"{self.times[k]:g} s", **words)
+
+
+def _distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Between every point of one set and every one of another."""
+    return np.linalg.norm(a[:, None] - b, axis=2)
+
+
+class Body:
+    """A disc to scale, with its number, and its heading if its positions have a third channel."""
+
+    def __init__(self, axis: Any, name: str, x: np.ndarray, radius: float, colour: str) -> None:
+        from matplotlib.patches import Circle
+
+        self._radius = max(radius, 1e-9)
+        look: Any = {"facecolor": "white", "edgecolor": colour, "linewidth": 1.0, "zorder": 4}
+        self._disc = axis.add_patch(Circle(tuple(x[:2]), self._radius, **look))
+        self._heading = axis.plot([], [], color=colour, linewidth=1.0, zorder=5)
+        self._number = axis.text(*x[:2], name, ha="center", va="center", fontsize=6.5, zorder=6)
+        self.artists = [self._disc, *self._heading, self._number]
+        self.move(x)
+
+    def move(self, x: np.ndarray) -> None:
+        """Put it at a position: (x, y) or (x, y, heading)."""
+        self._disc.center = tuple(x[:2])
+        self._number.set_position(tuple(x[:2]))
+        if len(x) > 2:
+            tip = x[:2] + self._radius * np.array([np.cos(x[2]), np.sin(x[2])])
+            self._heading[0].set_data(*zip(x[:2], tip, strict=True))
+
+
+def bodies(axis: Any, x: np.ndarray, radius: np.ndarray) -> list[Body]:
+    """Each body (bodies, at least 2) on the axes."""
+    colours = [style.COLOURS[i % len(style.COLOURS)] for i in range(len(x))]
+    return [Body(axis, str(i + 1), x[i], radius[i], colours[i]) for i in range(len(x))]
 
 
 def _circles(axis: Any, wanted: np.ndarray, shown: Sequence[int]) -> None:

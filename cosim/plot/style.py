@@ -71,18 +71,24 @@ def save(made: Any, output: Path) -> None:
     kind = output.suffix.lower().lstrip(".")
     if kind not in FORMATS:
         raise PlotError(f"`{output}`: pictures are {', '.join(FORMATS)}", fix="such as -o picture.svg")
-    output.parent.mkdir(parents=True, exist_ok=True)
     about = {"Date": None} if kind == "svg" else {"CreationDate": None} if kind == "pdf" else {}
     try:
+        output.parent.mkdir(parents=True, exist_ok=True)
         made.savefig(output, metadata=about)
     except OSError as error:
         message = f"cannot write {output}: {error.strerror or error}"
         raise PlotError(message, fix="choose a folder that you may write to") from None
+    except (ValueError, RuntimeError, MemoryError) as error:
+        # Texts are read when they are drawn; the last line of the message says what is wrong with one.
+        reason = (str(error).strip() or type(error).__name__).splitlines()
+        message = f"matplotlib cannot draw this: {reason[-1]}" + (f" in `{reason[0]}`" if len(reason) > 1 else "")
+        raise PlotError(message, fix="put right what stands between $ signs: matplotlib's own TeX") from None
 
 
-def line(k: int) -> dict[str, Any]:
-    """How the k-th line looks."""
-    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+def line(k: int, dash: int | None = None) -> dict[str, Any]:
+    """How the k-th line looks; 32 lines look different. dash: which dash it has, if that says something else."""
+    chosen = k + k // len(COLOURS) if dash is None else dash
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[chosen % len(DASHES)]}
 
 
 def unit_text(unit: str) -> str:

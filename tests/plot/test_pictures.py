@@ -1,5 +1,8 @@
 """Pictures: they are drawn, in all formats, of what was asked for; mistakes are told in words."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,7 @@ from cosim.cli import main
 from cosim.errors import PlotError
 from cosim.plot import figures, lines, style
 from cosim.plot.signals import curves, read
-from cosim.results import ResultWriter, Signal, open_result
+from cosim.results import Result, ResultWriter, Signal, open_result
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra `plot`)")
 MAGIC = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -109,7 +112,7 @@ def test_a_jump_has_no_slope():
     assert np.nanmin(slope) > -0.1
 
 
-@pytest.mark.parametrize(("kind", "magic"), [("gif", b"GIF89a"), ("html", b"<link")])
+@pytest.mark.parametrize(("kind", "magic"), [("gif", b"GIF89a"), ("html", b"<!doctype html>")])
 def test_animations_move(result, tmp_path, kind, magic):
     from cosim.plot import animation
 
@@ -123,6 +126,132 @@ def test_animations_move(result, tmp_path, kind, magic):
 
         with Image.open(output) as image:
             assert image.n_frames == 5
+
+
+def renamed(result, names, tmp_path):
+    """The same result with other names of signals."""
+    path = tmp_path / "renamed.nc"
+    with open_result(result) as opened:
+        signals = [replace(s, name=names.get(s.name, s.name)) for s in opened.signals.values()]
+        with ResultWriter(path, signals, {}) as writer:
+            writer.append(opened.times, {names.get(name, name): opened[name] for name in opened.signals})
+    return path
+
+
+def test_an_animation_finds_its_signals_whatever_the_blocks_are_called(result, tmp_path, capsys):
+    names = {"plant.x": "robots.x", "reference.x_d": "wanted.x_d", "plant.radius": "robots.radius"}
+    path = renamed(result, names, tmp_path)
+    assert main(["plot", str(path), "--animate", "-o", str(tmp_path / "a.gif")]) == 0
+    said = "positions robots.x, references wanted.x_d, radii robots.radius, neighbours topology.neighbours"
+    assert said in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("names", "more", "message"),
+    [
+        ({"reference.x_d": "leader.x"}, [], "plant.x and leader.x could be the positions"),
+        ({"plant.x": "plant.pose"}, [], "say which: --positions plant.pose"),
+        ({"plant.x": "plant.pose"}, ["--positions", "plant.radius"], "is no list of positions"),
+        ({}, ["--radii", "plant.rad"], "has no signal `plant.rad`"),
+    ],
+)
+def test_an_animation_says_what_it_cannot_find(result, tmp_path, capsys, names, more, message):
+    path = renamed(result, names, tmp_path)
+    assert main(["plot", str(path), "--animate", "-o", str(tmp_path / "a.gif"), *more]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_parts_of_an_animation_can_be_named_and_left_out(result, tmp_path, capsys):
+    path = renamed(result, {"plant.x": "plant.pose"}, tmp_path)
+    more = ["--positions", "plant.pose", "--references", "", "--radii", ""]
+    assert main(["plot", str(path), "--animate", "-o", str(tmp_path / "a.html"), *more]) == 0
+    assert capsys.readouterr().out.startswith("positions plant.pose, neighbours topology.neighbours\n")
+    page = (tmp_path / "a.html").read_text()
+    assert not re.search("https?:", page)
+    assert page.count("data:image/png;base64,") == 61
+
+
+def test_each_frame_shows_its_own_time(result):
+    from cosim.plot import animation
+
+    with open_result(result) as opened:
+        scene = animation._Scene(opened, animation.find(opened, animation.Motion()))
+        first, again, last = animation._pictures(scene, np.array([0, 0, 60]))
+    assert first.tobytes() == again.tobytes() != last.tobytes()
+
+
+def drawn(runs, panels, columns=1):
+    """The axes of a figure of lines."""
+    return lines.draw(runs, panels, columns).axes
+
+
+def test_a_scale_is_the_same_with_a_second_run(result, tmp_path):
+    with open_result(result) as opened, style.style():
+        other = Result(renamed(result, {}, tmp_path))
+        other.read = lambda name: np.full(61, 50.0)  # a run whose error does not fall
+        alone = drawn({"a": opened}, [lines.Panel(["test.error"])])[0].get_yscale()
+        both = drawn({"a": opened, "b": other}, [lines.Panel(["test.error"])])[0].get_yscale()
+    assert alone == both == "log"
+
+
+def test_channels_of_many_members_have_panels_units_and_names_of_their_own(result, tmp_path):
+    with open_result(result) as opened, style.style():
+        panels = figures._panels_of(opened, "plant.x")
+        made = lines.draw({"run": opened}, panels)
+        labels = [axis.get_ylabel() for axis in made.axes]
+        (legend,) = made.legends
+    assert labels == ["plant.x[:,1] (m)", "plant.x[:,2] (m)", "plant.x[:,3] (rad)"]
+    assert [text.get_text() for text in legend.get_texts()] == ["1", "2", "3"]
+
+
+def test_units_that_differ_stand_at_the_lines(result):
+    with open_result(result) as opened, style.style():
+        (axis,) = drawn({"run": opened}, [lines.Panel(["plant.x[1]"])])
+        assert axis.get_ylabel() == "plant.x[1]"
+        names = [text.get_text() for text in axis.get_legend().get_texts()]
+    assert names == ["plant.x[1,1] (m)", "plant.x[1,2] (m)", "plant.x[1,3] (rad)"]
+
+
+@pytest.mark.parametrize(("count", "legend"), [(9, True), (lines.LISTED, True), (lines.LISTED + 1, False)])
+def test_many_lines_have_a_legend_or_their_number(tmp_path, count, legend):
+    path = tmp_path / "many.nc"
+    with ResultWriter(path, [Signal("many.y", (count,))], {}) as writer:
+        writer.append(np.arange(2.0), {"many.y": np.arange(2.0 * count).reshape(2, count)})
+    with open_result(path) as opened, style.style():
+        (axis,) = drawn({"run": opened}, [lines.Panel(["many.y"])])
+        assert (axis.get_legend() is not None) == legend
+        assert [text.get_text() for text in axis.texts] == ([] if legend else [f"{count} lines"])
+        looks = {(line.get_color(), str(line.get_linestyle())) for line in axis.get_lines()}
+    assert len({str(style.line(k)) for k in range(count)}) == count
+    assert len(looks) >= min(count, 8)
+
+
+def test_bodies_of_different_times_never_cover_each_other(result):
+    """They go on by 0.3 m a second on a circle of 1 m, with radii up to 0.3 m: after 2 s they cover each other."""
+    from cosim.plot.plane import Plane
+
+    def panels(*at):
+        shown = Plane("plant.x", "reference.x_d", "plant.radius", at)
+        return len(figures.plane.draw(opened, shown).axes)
+
+    with open_result(result) as opened, style.style():
+        assert panels(0) == 1
+        assert panels(0, 6) == 1 + any_covered(opened, 0, 60)
+        assert panels(0, 0.1, 0.2) == 4  # one of them empty
+
+
+def any_covered(opened, a, b):
+    x, radius = opened["plant.x"][..., :2], opened["plant.radius"][0]
+    distance = np.linalg.norm(x[a][:, None] - x[b], axis=2)
+    return bool(np.any(distance < radius[:, None] + radius))
+
+
+@pytest.mark.parametrize("text", ["$\\frac{1$", "$\\nosuch$", "$_$"])
+def test_bad_tex_is_told_in_words(result, tmp_path, text):
+    with open_result(result) as opened, style.style():
+        made = lines.draw({"run": opened}, [lines.Panel(["test.error"], label=text)])
+        with pytest.raises(PlotError, match="matplotlib cannot draw this"):
+            style.save(made, tmp_path / "a.png")
 
 
 def test_figures_of_a_study(result, tmp_path):

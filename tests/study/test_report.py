@@ -108,6 +108,23 @@ def test_failures_are_explained_by_what_differs(results):
     assert "cosim study" in text and "--member" in text
 
 
+def test_pictures_can_be_had_as_files(report, tmp_path):
+    report()
+    assert main(["report", "study.yaml", "--pictures", "png"]) == 0
+    pictures = sorted(path.name for path in (tmp_path / "results" / "study").glob("*.png"))
+    assert pictures == ["fig__1.png", "fig__2.png"]
+
+
+def test_bad_tex_in_a_figure_has_its_place_and_loses_no_member(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, DIAGRAM, "diagram.yaml")
+    written(tmp_path, TEXT.replace("label: x", 'label: "$\\\\frac{1$"'), "study.yaml")
+    assert main(["report", "study.yaml"]) == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert "study.yaml:11:" in error and "`figures.Fig. 1`: matplotlib cannot draw this" in error
+    assert len((tmp_path / "results" / "study" / "members.jsonl").read_text().splitlines()) == 2
+
+
 def test_failed_runs_are_counted_with_their_reasons(results, tmp_path):
     done = results("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [1, 1.0e200, 2]}}")
     text = "\n".join(words.failures(done.study, list(done.rows())))
