@@ -3,6 +3,7 @@
 import numpy as np
 
 from blocks.adjacency import is_heard
+from blocks.agreement import agrees
 from cosim.block import Input, Measure, Output, Parameter, rule
 
 
@@ -21,6 +22,7 @@ class EdgeWeights(Measure):
     edges = Parameter("listed", 2, dtype=np.int32, unit="1", description="edges as robots' numbers, from 1: i hears j")
     a_2 = Output("listed", unit="1", description="element a_ij of A_2 of each edge")
 
+    graph = rule("hears as the topology has it", "eq. 5")(lambda neighbours, hears: agrees(neighbours, hears=hears))
     numbers = rule("edges between two different robots")(edges_are_pairs)
 
     def outputs(neighbours, weights, hears, edges, a_2):

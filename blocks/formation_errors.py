@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
+from blocks.agreement import agrees
 from blocks.consensus import local_errors
-from cosim.block import Input, Local, Measure, Output, Parameter
+from cosim.block import Input, Local, Measure, Output, Parameter, rule
 
 
 class FormationErrors(Measure):
@@ -33,6 +34,10 @@ class FormationErrors(Measure):
     e_x = Output(description="norm of the local formation tracking errors")
     S = Output(description="norm of the sliding variables")
     S_hat = Output(description="norm of the estimated sliding variables")
+
+    gains = rule("lambda_ and b as the controller has them", "eq. 28")(
+        lambda s_hat, lambda_, b: agrees(s_hat, lambda_=lambda_, b=b)
+    )
 
     def outputs(x, v, x_d, dx_d, s_hat, neighbours, weights, lambda_, b, local_x, local_v, delta_x, e_x, S, S_hat):
         robots, n = x.shape

@@ -50,15 +50,15 @@ UNKNOWN_NETWORK = "the static graph of the topology or the gains of the controll
 
 
 def _reached(topology, b, c, rate, how):
-    p, q_1, sigma = network_matrices(topology.parameters["hears"], b)
-    margin = c * q_1 / 2.0 - p.max() * rate / sigma
-    numbers = f"sigma(Q_1) = {q_1:.4g}, P_1 from {p.min():.4g} to {p.max():.4g}, sigma(L_1 + B) = {sigma:.4g}"
-    admitted = c * q_1 / 2.0 * sigma / p.max()
+    (p_least, p_most), (q_1, _), (sigma, _) = network_extremes(topology.parameters["hears"], b)
+    margin = c * q_1 / 2.0 - p_most * rate / sigma
+    numbers = f"sigma(Q_1) = {q_1:.4g}, P_1 from {p_least:.4g} to {p_most:.4g}, sigma(L_1 + B) = {sigma:.4g}"
+    admitted = c * q_1 / 2.0 * sigma / p_most
     return bool(margin > 0.0), f"{how}; admitted < {admitted:.4g} 1/s; left side {margin:.4g} 1/s; {numbers}"
 
 
 def _slow(topology, b, lambda_, rate, how):
-    _, _, sigma = network_matrices(topology.parameters["hears"], b)
+    sigma = network_extremes(topology.parameters["hears"], b)[2][0]
     smallest = float(min(lambda_))
     margin = smallest - rate / sigma
     numbers = f"sigma(Lambda) = {smallest:.4g}, sigma(L_1 + B) = {sigma:.4g}"
@@ -89,10 +89,11 @@ def assumed_rate(neighbours):
     return bound, f"L_M = {bound:.4g} 1/s is assumed ({pair}), TopologyRate measures it"
 
 
-def network_matrices(hears, b):
-    """(diagonal of P_1, smallest eigenvalue of Q_1, smallest singular value of L_1 + B), Lemma 2.
+def network_extremes(hears, b):
+    """(smallest, largest) eigenvalue of P_1, eigenvalue of Q_1, and singular value of L_1 + B, Lemma 2.
 
-    The proof of Theorem 3 uses sigma(L_1 + B) as the inverse of a bound of ||(L_1 + B)^-1||, hence the singular value.
+    The proof of Theorem 3 uses sigma(L_1 + B) as the inverse of a bound of ||(L_1 + B)^-1||, and sigma_max(L + B) as a
+    bound of ||L + B||, hence singular values.
     """
     heard = [(i, j - 1) for i, row in enumerate(hears.tolist()) for j in row if j != 0]
     rows, columns = np.array(heard, int).reshape(-1, 2).T
@@ -102,16 +103,17 @@ def network_matrices(hears, b):
         pinned[rows, columns] -= 1.0
         p = 1.0 / np.linalg.solve(pinned, np.ones(robots))
         weighted = p[:, np.newaxis] * pinned
-        smallest = [float(np.linalg.eigvalsh(matrix)[0]) for matrix in (weighted + weighted.T, pinned.T @ pinned)]
-        return p, smallest[0], math.sqrt(max(0.0, smallest[1]))
-    from scipy.sparse import csc_array, diags_array
-    from scipy.sparse.linalg import spsolve
+        spectra = [np.linalg.eigvalsh(matrix)[[0, -1]] for matrix in (weighted + weighted.T, pinned.T @ pinned)]
+    else:
+        from scipy.sparse import csc_array, diags_array
+        from scipy.sparse.linalg import spsolve
 
-    adjacency = csc_array((np.ones(len(heard)), (rows, columns)), shape=(robots, robots))
-    pinned = csc_array(diags_array(adjacency.sum(axis=1) + b) - adjacency)
-    p = 1.0 / np.atleast_1d(spsolve(pinned, np.ones(robots)))
-    weighted = csc_array(diags_array(p) @ pinned)
-    return p, _smallest_eigenvalue(weighted + weighted.T), math.sqrt(max(0.0, _smallest_eigenvalue(pinned.T @ pinned)))
+        adjacency = csc_array((np.ones(len(heard)), (rows, columns)), shape=(robots, robots))
+        pinned = csc_array(diags_array(adjacency.sum(axis=1) + b) - adjacency)
+        p = 1.0 / spsolve(pinned, np.ones(robots))
+        weighted = csc_array(diags_array(p) @ pinned)
+        spectra = [_extreme_eigenvalues(matrix) for matrix in (weighted + weighted.T, pinned.T @ pinned)]
+    return np.array([p.min(), p.max()]), spectra[0], np.sqrt(np.maximum(spectra[1], 0.0))
 
 
 def _has_static_graph(neighbours):
@@ -122,11 +124,11 @@ def _has_gains(s_hat):
     return s_hat is not None and {"b", "c", "lambda_"} <= set(s_hat.parameters)
 
 
-def _smallest_eigenvalue(symmetric):
+def _extreme_eigenvalues(symmetric):
     from scipy.sparse.linalg import eigsh
 
-    start = np.ones(symmetric.shape[0])
-    return float(eigsh(symmetric, k=1, sigma=0.0, tol=1e-6, v0=start, return_eigenvectors=False)[0])
+    options = {"k": 1, "tol": 1e-6, "v0": np.ones(symmetric.shape[0]), "return_eigenvectors": False}
+    return np.concatenate((eigsh(symmetric, sigma=0.0, **options), eigsh(symmetric, which="LA", **options)))
 
 
 # ---- Definition 2: the potential and the references ------------------------------------------------------------

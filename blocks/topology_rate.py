@@ -4,17 +4,10 @@ import math
 
 import numpy as np
 
+from blocks.agreement import agrees
 from blocks.distance import planar_square
 from blocks.stability_conditions import formation_reached_along, topology_slow_along
 from cosim.block import Input, Measure, Output, Parameter, condition, rule
-
-
-def same_function(weights, eta_1, eta_2):
-    """Whether the topology's weights are of this function, as far as its parameters are known."""
-    if weights is None or not {"eta_1", "eta_2"} <= set(weights.parameters):
-        return True, "the topology has no such parameters"
-    theirs = [float(weights.parameters[name]) for name in ("eta_1", "eta_2")]
-    return theirs == [eta_1, eta_2], f"eta_1 = {theirs[0]:.6g} and eta_2 = {theirs[1]:.6g} there"
 
 
 class TopologyRate(Measure):
@@ -40,7 +33,9 @@ class TopologyRate(Measure):
     L_2 = Output(unit="1", description="||L_2||")
     dL_2 = Output(unit="1/s", description="||dL_2/dt||")
 
-    same = rule("eta_1 and eta_2 as the topology has them", "eq. 44")(same_function)
+    same = rule("eta_1 and eta_2 as the topology has them", "eq. 44")(
+        lambda weights, eta_1, eta_2: agrees(weights, eta_1=eta_1, eta_2=eta_2)
+    )
     reached = condition("c sigma(Q_1)/2 - sigma_max(P_1) L_M/sigma(L_1 + B) > 0 along the run", "Theorem 3")(
         formation_reached_along
     )

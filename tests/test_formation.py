@@ -56,6 +56,23 @@ def test_theorem_3_is_judged_by_the_runs_own_rate():
     assert "L_M = 5.292 1/s" in warning.message and "at t = 0.148 s" in warning.message
 
 
+def test_the_formation_settles_within_the_bounds_of_theorem_3():
+    """Over [10, 20] s, with w_M = 0.108 and v_M = 4.2e-4 of an independent simulation: (41) is w_M + 10 v_M = 0.112.
+
+    (40) is twice that here, as sigma(Q_1)/2 = 4 there stands where (40) has sigma(P_1) = 2. delta_x's are half.
+    """
+    m = outcome("ultimate_bounds.yaml", "run.stop=20").metrics
+    assert [m["S_settled"], m["e_x_settled"], m["delta_x_settled"]] == pytest.approx([0.051, 0.025, 0.0093], rel=0.02)
+    assert [m["w_M"], m["v_M"]] == pytest.approx([0.1079, 4.21e-4], rel=1e-2)
+    assert m["S_bound_41"] == pytest.approx(m["w_M"] + 10 * m["v_M"], rel=5e-3)
+    assert m["S_bound_40"] == pytest.approx(2 * m["S_bound_41"])
+    assert m["delta_x_bound_41"] == pytest.approx(m["S_bound_41"] / 2)
+    assert m["delta_x_bound_40"] == pytest.approx(m["S_bound_40"] / 2)
+    assert max(m["S_settled"], m["e_x_settled"]) < m["S_bound_41"]
+    assert m["delta_x_settled"] < m["delta_x_bound_41"]
+    assert [m["dL_2"], m["L_2"]] == pytest.approx([5.29, 0.561], rel=1e-2)
+
+
 def test_a_run_that_leaves_the_networks_region_is_told():
     """Remark 5: with mu = 8 the formation drives out of what the network feels; delta_x is 0.61 m at 60 s."""
     network = run.load(DIAGRAMS / "formation.yaml", ["run.stop=60"])

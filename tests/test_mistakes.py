@@ -174,7 +174,8 @@ def test_limited_information_is_a_property_of_the_wiring(formation, capsys, port
 
 
 def test_a_condition_of_a_theorem_is_a_warning(formation, capsys):
-    code, text = check(formation, capsys, "--set", "blocks.controller.parameters.lambda_=0.1")
+    settings = [f"--set=blocks.{block}.parameters.lambda_=0.1" for block in ("controller", "formation")]
+    code, text = check(formation, capsys, *settings)
     assert code == 0 and re.search(
         r"formation.yaml:\d+:\d+: warning: controller: Theorem 3, .*sigma\(Lambda\) = 0.1", text
     )

@@ -1,11 +1,13 @@
 """Measuring blocks: errors, and the gaps between robots."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from blocks import cell_grid
+from blocks.agreement import agrees
 from blocks.differentiator_errors import DifferentiatorErrors
 from blocks.edge_weights import EdgeWeights, edges_are_pairs
 from blocks.estimation_errors import EstimationErrors
@@ -13,9 +15,13 @@ from blocks.formation_errors import FormationErrors
 from blocks.pair_gaps import PairGaps, pairs_are_robots
 from blocks.range_topology import RangeTopology
 from blocks.separation import Separation
-from blocks.topology_rate import TopologyRate, same_function
+from blocks.topology_rate import TopologyRate
+from blocks.ultimate_bounds import UltimateBounds
 from cosim import run
+from cosim.errors import DiagramErrors
 from cosim.rules import Source
+
+DIAGRAMS = Path(__file__).parents[2] / "diagrams"
 
 
 def test_estimation_errors():
@@ -228,11 +234,57 @@ def test_topology_rate_of_the_static_graph_and_of_robots_in_one_place():
     assert (L_2[0], dL_2[0]) == (pytest.approx(0.2), 0.0)
 
 
-def test_topology_rate_asks_for_the_topologys_own_function():
-    theirs = Source("RangeTopology", {"eta_1": np.array(0.2), "eta_2": np.array(14.0)})
-    assert same_function(theirs, 0.2, 14.0)[0] and not same_function(theirs, 0.2, 7.0)[0]
-    assert not same_function(theirs, 0.3, 14.0)[0]
-    assert same_function(Source("StaticTopology", {}), 0.2, 14.0)[0]
+@pytest.mark.parametrize(
+    ("block", "wired", "given"),
+    [
+        ("topology_rate", "topology", {"eta_1": 0.1}),
+        ("topology_rate", "topology", {"eta_2": 7}),
+        ("formation", "controller", {"lambda_": 1}),
+        ("formation", "controller", {"b": 1}),
+        ("bounds", "controller", {"c": 1}),
+        ("bounds", "topology", {"hears": [[2], [3], [4], [5], [6], [1]]}),
+        ("edges", "topology", {"hears": [[2], [3], [4], [5], [6], [1]]}),
+    ],
+)
+def test_a_measure_asks_for_the_parameters_of_what_it_measures(block, wired, given):
+    """Else its figures were those of another controller or topology."""
+    diagram = {"bounds": "ultimate_bounds.yaml", "edges": "measured_pairs.yaml"}.get(block, "formation.yaml")
+    settings = [f"blocks.{wired}.parameters.{name}={value}" for name, value in given.items()]
+    with pytest.raises(DiagramErrors, match=f"block {block}: .* as the {wired} has") as caught:
+        run.load(DIAGRAMS / diagram, settings)
+    assert "there" in str(caught.value.errors[0].fix)
+
+
+def test_agreement_is_about_what_is_known():
+    theirs = Source("RangeTopology", {"eta_1": np.array(0.2), "hears": np.array([[2], [1]])})
+    assert agrees(theirs, eta_1=0.2, eta_2=14.0) == (True, "")
+    assert agrees(theirs, eta_1=0.3) == (False, "eta_1 is 0.2 there")
+    assert not agrees(theirs, hears=np.array([[2, 0], [1, 0]]))[0]
+    assert agrees(None, eta_1=0.3) == (True, "")
+
+
+def test_ultimate_bounds_on_the_papers_ring():
+    """P_1 = 2 I, Q_1 from 8 to 16, L_1 + B from 2 to 4, c = lambda = 2; (39), (40) and (41) by hand."""
+    ring, two = np.array([[4], [3], [1], [5], [6], [2]], np.int32), np.full(6, 2.0)
+    p, q, sigma = np.zeros((3, 2))
+    UltimateBounds.calculate(ring, two, p, q, sigma)
+    zero, v_hat, w_hat, F = np.zeros((4, 6, 3))
+    v_hat[1, 2], w_hat[3, 0] = 3e-4, -0.1
+
+    def bounds(force, L_2, dL_2):
+        F[2, 1] = force
+        found = np.zeros((6, 1))
+        UltimateBounds.outputs(zero, v_hat, zero, w_hat, F, L_2, dL_2, 2.0, two, p, q, sigma, *found)
+        assert found[:2, 0].tolist() == [0.1, 3e-4]
+        return found[2:, 0].tolist()
+
+    by_40 = (8 * 0.1 + 2 * 4 * (2 + 2 * 4) * 3e-4) / min(8, 4)
+    by_41 = 16 * (0.1 + (2 * 4 + 2) * 3e-4) / min(16, 32)
+    assert bounds(0.0, 0.0, 0.0) == pytest.approx([by_40, by_40 / 2, by_41, by_41 / 2])
+    k_1 = 4 + 0.5
+    shaken = ((2 * 0.5 + 8) * (0.1 + 0.7) + 2 * k_1 * (2 + 2 * k_1) * 3e-4) / min(8 - 2 * 1.5 / 2, 2 * (2 - 1.5 / 2))
+    assert bounds(0.7, 0.5, 1.5) == pytest.approx([shaken, shaken / 2, math.inf, math.inf])
+    assert bounds(0.0, 0.5, 4.0) == [math.inf] * 4  # the second condition of Theorem 3 admits less than 4
 
 
 def test_pair_gaps():
