@@ -7,6 +7,7 @@ itself, and a model description with a document type (which is where entities co
 from __future__ import annotations
 
 import platform
+import re
 import stat
 import sys
 import tempfile
@@ -23,6 +24,8 @@ MOST_XML_BYTES = 256 << 20
 SUSPICIOUS_RATIO = 200  # of an archive that unpacks to more than SUSPICIOUS_BYTES
 SUSPICIOUS_BYTES = 256 << 20
 DESCRIPTION = "modelDescription.xml"
+
+_IDENTIFIER = re.compile(r"[^\W\d][\w-]*")  # a C identifier, and the hyphens that some tools write
 
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("windows", ".dll")}
 _unpacked: dict[tuple[str, int, int], tempfile.TemporaryDirectory[str]] = {}
@@ -155,6 +158,13 @@ def binaries(folder: Path) -> list[str]:
     """The platforms that an unpacked FMU has binaries for."""
     root = folder / "binaries"
     return sorted(p.name for p in root.iterdir() if p.is_dir() and any(p.iterdir())) if root.is_dir() else []
+
+
+def check_identifier(identifier: str, name: str, position: Position | None = None) -> None:
+    """See that the name of an FMU's library leads to no file elsewhere. Raises: FmuError."""
+    if not _IDENTIFIER.fullmatch(identifier):
+        message = f"`{name}` is refused: its modelIdentifier `{identifier}` is no name of a file in it"
+        raise FmuError(message, position, "do not use this FMU")
 
 
 def binary(folder: Path, identifier: str, version: int, name: str, position: Position | None = None) -> Path:

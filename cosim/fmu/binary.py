@@ -18,6 +18,7 @@ class Library:
     def __init__(self, fmu: Any, trace: Trace) -> None:
         """trace: where the names of functions are noted. Raises: FmuError."""
         self._trace = trace
+        self._addresses: dict[str, int] = {}
         self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
         self.prefix = f"fmi{fmu.version}"
         try:
@@ -34,20 +35,17 @@ class Library:
 
     def address(self, name: str) -> int:
         """The address of a function, without FMI's prefix. Raises: FmuError."""
-        try:
-            function = getattr(self._handle, self.prefix + name)
-        except AttributeError:
-            raise FmuError(
-                f"`{self.path.name}` has no function {self.prefix}{name}", fix="export the FMU again"
-            ) from None
-        return self._noted(function, name)
+        address = self.find(name)
+        if not address:
+            message = f"`{self.path.name}` has no function {self.prefix}{name}"
+            raise FmuError(message, fix="export the FMU again")
+        return address
 
     def find(self, name: str) -> int:
         """The address of a function, 0 where the library has none."""
-        function = getattr(self._handle, self.prefix + name, None)
-        return self._noted(function, name) if function else 0
-
-    def _noted(self, function: Any, name: str) -> int:
-        address = ctypes.cast(function, ctypes.c_void_p).value or 0
-        self._trace.name(address, self.prefix + name)
-        return address
+        if name not in self._addresses:
+            function = getattr(self._handle, self.prefix + name, None)
+            self._addresses[name] = ctypes.cast(function, ctypes.c_void_p).value or 0 if function else 0
+            if self._addresses[name]:
+                self._trace.name(self._addresses[name], self.prefix + name)
+        return self._addresses[name]

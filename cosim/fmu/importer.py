@@ -101,6 +101,9 @@ def read_description(path: Path, position: Position | None = None) -> tuple[Path
     except Exception as error:
         message = f"`{path.name}`: its model description cannot be read: {type(error).__name__}: {error}"
         raise FmuError(message, position, "export the FMU again") from None
+    for kind in (description.coSimulation, description.modelExchange, description.scheduledExecution):
+        if kind is not None:
+            archive.check_identifier(kind.modelIdentifier, path.name, position)
     return folder, description
 
 

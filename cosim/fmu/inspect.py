@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import CosimError
+from cosim.errors import CosimError, FmuError
 from cosim.fmu import archive, layout
 from cosim.fmu.importer import MODES, Fmu, read_description
 from cosim.fmu.importer import dependencies as read_dependencies
@@ -34,7 +34,10 @@ def text(path: Path, most: int = 200) -> str:
     Raises: MissingFile, ArchiveError, FmuError.
     """
     folder, description = read_description(path)
-    return "\n".join(_lines(path, folder, description, most))
+    try:
+        return "\n".join(_lines(path, folder, description, most))
+    except FmuError as error:
+        raise FmuError(f"`{path.name}`: {error.message}", fix=error.fix) from None
 
 
 def _lines(path: Path, folder: Path, description: Any, most: int) -> Iterator[str]:
@@ -72,10 +75,10 @@ def _runs_here(path: Path, folder: Path, description: Any) -> str:
 
 def _variables(path: Path, folder: Path, description: Any, kinds: dict[str, Any], most: int) -> Iterator[str]:
     found = ports(description)
-    mode = next((mode for mode, kind in kinds.items() if kind is not None), MODES[0])
-    fmu = Fmu(path, folder, description, mode, found)
+    mode = next((mode for mode, kind in kinds.items() if kind is not None), None)
+    fmu = Fmu(path, folder, description, mode or MODES[0], found)
     feeds = read_dependencies(fmu, description.outputs)
-    delayed = fmu.kind == layout.CO_SIMULATION
+    delayed = mode is not None and fmu.kind == layout.CO_SIMULATION
     for causality in _SECTIONS:
         section = {name: port for name, port in found.items() if port.causality == causality}
         if not section:

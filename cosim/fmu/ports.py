@@ -36,6 +36,7 @@ FMI3_TYPES: dict[str, tuple[Any, int, str]] = {
     "String": (object, layout.PLAIN, "String"),
 }
 MOST_ELEMENTS = 10_000_000
+_LARGEST_REFERENCE = 2**32 - 1
 _ELEMENT = re.compile(r"(.+)\[\s*(\d+(?:\s*,\s*\d+)*)\s*\]")
 
 
@@ -98,9 +99,18 @@ class Port:
         return np.array(values, self.dtype).reshape(self.shape).tolist() if len(values) == self.size else None
 
     def _number(self, text: str) -> Any:
-        if self.dtype == np.bool_:
-            return text in ("true", "1")
-        return float(text) if self.dtype.kind == "f" else int(text)
+        """Raises: FmuError where it is no value of the variable's type."""
+        try:
+            if self.dtype == np.bool_:
+                return {"true": True, "1": True, "false": False, "0": False}[text]
+            if self.dtype.kind == "f":
+                return float(text)
+            number = int(text)
+            np.array(number, self.dtype)
+            return number
+        except (KeyError, ValueError, OverflowError):
+            message = f"the start value `{text}` of its variable `{self.name}` is no {self.first.type}"
+            raise FmuError(message, fix="export the FMU again") from None
 
     def unit(self) -> units.Unit:
         """Its unit, or units along the first axis; None without one, or where it is no unit that we can read."""
@@ -121,6 +131,7 @@ def _unit(member: Any) -> str | None:
 
 def ports(description: Any) -> dict[str, Port]:
     """The ports of a model description by name. Raises: FmuError where sizes make no sense."""
+    _check_references(description.modelVariables)
     version3 = description.fmiMajorVersion == 3
     types = FMI3_TYPES if version3 else FMI2_TYPES
     usable = [v for v in description.modelVariables if _is_usable(v, types)]
@@ -134,6 +145,14 @@ def ports(description: Any) -> dict[str, Port]:
             continue
         found[name] = Port(name, members, shape, np.dtype(dtype), code, accessor)
     return found
+
+
+def _check_references(variables: Any) -> None:
+    """Raises: FmuError for a value reference that is none, naming the first."""
+    for variable in variables:
+        if not 0 <= variable.valueReference <= _LARGEST_REFERENCE:
+            message = f"its variable `{variable.name}` has the value reference {variable.valueReference}"
+            raise FmuError(f"{message}, which is no unsigned number of 32 bits", fix="export the FMU again")
 
 
 def _is_usable(variable: Any, types: dict[str, Any]) -> bool:
@@ -158,7 +177,8 @@ def _gathered(variables: list[Any]) -> dict[str, tuple[tuple[Any, ...], tuple[in
         place = _place(variable.name)
         shape = shapes.get(place[0], ()) if place else ()
         if place and shape:
-            groups.setdefault(place[0], (tuple(v for _, v in sorted(arrays[place[0]].items())), shape))
+            if place[0] not in groups:
+                groups[place[0]] = tuple(v for _, v in sorted(arrays[place[0]].items())), shape
         else:
             groups[variable.name] = ((variable,), ())
     return groups

@@ -122,7 +122,7 @@ def pack(
 def description(version: int, kinds: str = "me cs", flags: str = "", model: Model | None = None) -> str:
     """The model description."""
     model = model or machine(version)
-    names = {"me": "ModelExchange", "cs": "CoSimulation"}
+    names = {"me": "ModelExchange", "cs": "CoSimulation", "se": "ScheduledExecution"}
     interfaces = "".join(f'<{names[k]} modelIdentifier="{model.name}" {flags}/>' for k in kinds.split())
     return (_description2 if version == 2 else _description3)(interfaces, model)
 

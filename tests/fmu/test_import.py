@@ -176,6 +176,39 @@ def test_an_input_that_is_left_at_its_start_value_is_a_finding(machines, partner
         (2, "cs", lambda xml: xml.replace('index="3"', 'index="999"'), "cannot be read"),
         (2, "me", lambda xml: xml.replace('derivative="3"', ""), "nothing says which state"),
         (2, "cs", lambda xml: xml.replace('modelIdentifier="machine"', 'modelIdentifier="other"'), "no binary `other"),
+        (
+            2,
+            "cs",
+            lambda xml: xml.replace('valueReference="3"', 'valueReference="-2"'),
+            "`y` has the value reference -2",
+        ),
+        (
+            3,
+            "cs",
+            lambda xml: xml.replace('valueReference="3"', f'valueReference="{1 << 40}"'),
+            "`y` has the value ref",
+        ),
+        (
+            2,
+            "cs",
+            lambda xml: xml.replace('Real start="1"', 'Real start="zero"'),
+            "value `zero` of its variable `T` is no",
+        ),
+        (
+            2,
+            "cs",
+            lambda xml: xml.replace('Boolean start="false"', 'Boolean start="no"'),
+            "`no` of its variable `on` is",
+        ),
+        (
+            2,
+            "cs",
+            lambda xml: xml.replace('Integer start="0"', f'Integer start="{1 << 40}"'),
+            "variable `fault` is no Int",
+        ),
+        (2, "cs", lambda xml: xml.replace('Identifier="machine"', 'Identifier="../../../evil"'), "no name of a file"),
+        (3, "me", lambda xml: xml.replace('Identifier="machine"', 'Identifier="/tmp/evil"'), "no name of a file"),
+        (3, "cs", lambda xml: xml.replace('Identifier="machine"', r'Identifier="a\b"'), "no name of a file"),
     ],
 )
 def test_what_cannot_be_run_is_refused_by_name(tmp_path, version, kinds, edit, message):
@@ -216,6 +249,40 @@ def test_inspection_shows_what_a_person_asks_for(machines):
     ):
         assert part in text
     assert "one step later" not in inspect.text(machines["3e"])
+
+
+def test_an_fmu_for_scheduled_execution_can_be_looked_at(tmp_path):
+    text = inspect.text(machine.build(tmp_path / "scheduled", 3, "se"))
+    assert "scheduled execution (cannot be run here)" in text
+    assert "one step later" not in text
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda xml: xml.replace('valueReference="3"', 'valueReference="-2"'),
+        lambda xml: xml.replace('Real start="1"', 'Real start="zero"'),
+        lambda xml: xml.replace('Identifier="machine"', 'Identifier="../../../evil"'),
+    ],
+)
+def test_a_description_that_makes_no_sense_is_told_by_name(tmp_path, capsys, edit):
+    from cosim import cli
+
+    assert cli.main(["fmu", str(machine.build(tmp_path / "senseless", 2, "cs", edit=edit))]) == 2
+    assert "`machine2.fmu`" in capsys.readouterr().err
+
+
+def test_an_array_of_scalars_is_put_in_order_once(described, monkeypatch):
+    """And not once for each of its elements."""
+    from cosim.fmu import ports
+
+    orders = []
+    monkeypatch.setattr(ports, "sorted", lambda things: orders.append(1) or sorted(things), raising=False)
+    path = described(*((f"x[{i},{j}]", "Real", "output", "") for i in range(20, 0, -1) for j in range(1, 11)))
+    port = ports.ports(importer.read_description(path)[1])["x"]
+    assert port.shape == (20, 10)
+    assert [m.name for m in port.members] == [f"x[{i},{j}]" for i in range(1, 21) for j in range(1, 11)]
+    assert len(orders) == 1
 
 
 def test_the_command_prints_it(machines, capsys):
