@@ -280,3 +280,27 @@ def test_a_crash_in_a_native_block_says_who_else_was_there(told, machines, tmp_p
     assert "block breaker: abort() in outputs() at t = 0.3 s" in end.text
     assert "to see whether plant did it, write `isolate: true` there" in end.text
     assert len(end.times) == 30
+
+
+def test_only_the_time_inside_an_fmu_is_its_own(machines, partners):
+    """What this program does itself, such as filling its tables for 100,000 outputs, is never taken for a hang."""
+    from cosim import run
+    from cosim.fmu import layout
+    from cosim.hosts import Watch
+    from cosim.run import Run
+
+    simulation = Run(run.load(partners(diagram(machines["2"], 0)))).simulation
+    (part,) = simulation._parts["plant"]
+    watch = Watch(simulation.table, simulation.control, simulation._parts)
+    with watch.blaming(part):
+        assert watch.activity() is None
+        with part.trace.calling(0, 0):
+            first = watch.activity()
+            assert first is not None
+            part.trace.link[layout.CALLED] += 2
+            assert watch.activity() != first
+        assert watch.activity() is None
+    assert simulation.warnings() == []
+    simulation.initialize()
+    assert watch.activity() is None
+    simulation.close()
