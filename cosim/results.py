@@ -323,8 +323,11 @@ def refuse_foreign_csv(path: Path) -> None:
 
 def _is_our_csv(path: Path) -> bool:
     with path.open(encoding="utf-8", errors="replace", newline="") as file:
-        first, *columns = next(csv.reader([file.readline(CSV_HEAD)]))
-    return first == "time" and all("." in column for column in columns)
+        try:
+            head = next(csv.reader([file.readline(CSV_HEAD)]), [])
+        except csv.Error:
+            return False
+    return head[:1] == ["time"] and all("." in column for column in head[1:])
 
 
 def write_csv(path: str | Path, result: Result) -> None:

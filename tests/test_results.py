@@ -286,7 +286,7 @@ def test_only_results_are_replaced(tmp_path):
     check_samples(write(empty, 10), 10)
 
 
-@pytest.mark.parametrize("text", ["title: precious", "time,voltage\n0,1\n", "name\n"])
+@pytest.mark.parametrize("text", ["title: precious", "\ntitle: x", "time,voltage\n0,1\n", "name\n", "x" * 200_000])
 def test_only_tables_of_signals_are_replaced_by_csv(tmp_path, text):
     table = tmp_path / "table.csv"
     table.write_text(text)
