@@ -1,16 +1,19 @@
-"""The command line: finds the command, and turns every error into a message and an exit code."""
+"""The command line: finds the command, and turns every error and signal into a message and an exit code."""
 
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import json
+import signal
 import sys
 import time
 from importlib import import_module
 
+from cosim import interruption, streams
 from cosim.errors import CosimError
+from cosim.exits import BAD_INPUT, BY_SIGNAL, DONE, MEANINGS, STOPPED
 
-BAD_INPUT, INTERRUPTED = 2, 130
 COMMANDS = {
     "run": "run a diagram and print its metrics",
     "check": "validate a diagram without running it",
@@ -25,28 +28,60 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point. Returns the exit code: 0 done, 1 stopped, 2 bad input, 130 interrupted."""
+    """Entry point. Returns the exit code, as of `cosim.exits`."""
     began = time.perf_counter()
-    words = sys.argv[1:] if arguments is None else arguments
-    options = _parser(words).parse_args(words)
-    options.began = began
+    with streams.forgiving() as output:
+        if not faulthandler.is_enabled():
+            faulthandler.enable(file=streams.STDERR)
+        code = _run(sys.argv[1:] if arguments is None else arguments, began)
+        if failure := output.failure():
+            print(f"error: cannot write to standard output: {failure}", file=sys.stderr)
+            code = code or STOPPED
+    return code
+
+
+def entry() -> int:
+    """As `main`, for a process that ends afterwards."""
+    try:
+        return main()
+    finally:
+        interruption.ignore()
+
+
+def _run(words: list[str], began: float) -> int:
+    try:
+        with interruption.heard():
+            with interruption.deferred() as interrupted:  # an import that is broken off may leave anything
+                parser = _parser(words)
+            interrupted.raise_if_wanted()
+            options = parser.parse_args(words)
+            options.began = began
+            return _command(options)
+    except KeyboardInterrupt as stopped:
+        number = stopped.number if isinstance(stopped, interruption.Interrupted) else signal.SIGINT
+        print(f"interrupted by {signal.Signals(number).name}", file=sys.stderr)
+        return BY_SIGNAL + number
+    except SystemExit as leaving:  # the parser has said why
+        return leaving.code if isinstance(leaving.code, int) else DONE
+
+
+def _command(options: argparse.Namespace) -> int:
     try:
         return options.run(options)
     except CosimError as error:
-        from cosim import terminal
+        wrong = error
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        wrong = CosimError(f"{where}{error.strerror or error}")
+    except MemoryError:
+        wrong = CosimError("there is not enough memory", fix="run fewer members or steps at a time, or record less")
+    if getattr(options, "json", False):
+        print(json.dumps({**_subject(options), "status": "failed", "error": str(wrong)}, ensure_ascii=False))
+    sys.stdout.flush()
+    from cosim import terminal
 
-        if getattr(options, "json", False):
-            print(json.dumps({**_subject(options), "status": "failed", "error": str(error)}, ensure_ascii=False))
-        sys.stdout.flush()
-        terminal.print_errors(error)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of standard output has gone; what it read was all it wanted.
-        sys.stderr.close()
-        return 0
+    terminal.print_errors(wrong)
+    return BAD_INPUT
 
 
 def _subject(options: argparse.Namespace) -> dict[str, str]:
@@ -55,7 +90,12 @@ def _subject(options: argparse.Namespace) -> dict[str, str]:
 
 def _parser(words: list[str]) -> argparse.ArgumentParser:
     """The parser; only the command that is wanted is imported."""
-    parser = argparse.ArgumentParser(prog="cosim", description="Co-simulation of block diagrams written in YAML.")
+    parser = argparse.ArgumentParser(
+        prog="cosim",
+        description="Co-simulation of block diagrams written in YAML.",
+        epilog=MEANINGS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     wanted = next((word for word in words if not word.startswith("-")), "")
     for name, text in COMMANDS.items():
@@ -68,4 +108,4 @@ def _parser(words: list[str]) -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(entry())

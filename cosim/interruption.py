@@ -1,40 +1,96 @@
-"""Ctrl-C, deferred to a place where nothing is lost."""
+"""Ctrl-C, SIGTERM and SIGHUP: outside of a run they end the program, inside they wait for where nothing is lost.
+
+A signal that this process was started to ignore (as nohup does with SIGHUP) stays ignored. Threads other than the main
+one get no signals, and are left alone.
+"""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal wants the program to end; number: which."""
+
+    def __init__(self, number: int = signal.SIGINT) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.number = number
 
 
 class Interruption:
-    """Whether Ctrl-C was pressed; a second one breaks through at once."""
+    """Whether a signal has come, and which came first; further ones break through only where that is harmless."""
 
     def __init__(self) -> None:
-        self.wanted = False
+        self.number = 0
+        self._harmless = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        if self.wanted:
-            raise KeyboardInterrupt
-        self.wanted = True
+        again, self.number = self.wanted, self.number or number
+        if again and self._harmless:
+            raise Interrupted(self.number)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a signal has come."""
+        return self.number != 0
 
     def raise_if_wanted(self) -> None:
-        """Raise: KeyboardInterrupt, at the caller's convenience."""
+        """Raise: Interrupted, at the caller's convenience."""
         if self.wanted:
-            raise KeyboardInterrupt
+            raise Interrupted(self.number)
+
+    @contextmanager
+    def breakable(self) -> Iterator[None]:
+        """Inside, a second signal raises Interrupted at once: for what may never end, and loses nothing."""
+        self._harmless = True
+        try:
+            yield
+        finally:
+            self._harmless = False
 
 
 @contextmanager
 def deferred() -> Iterator[Interruption]:
-    """Inside, Ctrl-C only sets a mark. Threads other than the main one get no signals, and are left alone."""
+    """Inside, signals only set a mark."""
     interruption = Interruption()
-    if threading.current_thread() is not threading.main_thread():
+    with _handled(interruption):
         yield interruption
-        return
-    before = signal.signal(signal.SIGINT, interruption)
+
+
+@contextmanager
+def heard() -> Iterator[None]:
+    """Inside, all signals raise Interrupted, wherever the program is."""
+    with _handled(_raise):
+        yield
+
+
+def ignore() -> None:
+    """From here on no signal counts: the program is ending anyhow, and cleans up."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    raise Interrupted(number)
+
+
+@contextmanager
+def _handled(handler: Callable[[int, FrameType | None], Any]) -> Iterator[None]:
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.getsignal(number) for number in SIGNALS}
+    heeded = [number for number, found in before.items() if found not in (signal.SIG_IGN, None)]
     try:
-        yield interruption
+        for number in heeded:
+            signal.signal(number, handler)
+        yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number in heeded:
+            signal.signal(number, before[number])

@@ -1,0 +1,87 @@
+"""Standard output and standard error that cannot stop the work: what they do not take is noted, and told at the end."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+STDOUT, STDERR = 1, 2
+
+
+class _Sink(io.RawIOBase):
+    """A file descriptor that takes everything; what went wrong first is kept, and after that nothing is written."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        if self.error is None:
+            try:
+                return os.write(self._descriptor, data)
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+    def writable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return self._descriptor
+
+    def isatty(self) -> bool:
+        return self.error is None and os.isatty(self._descriptor)
+
+
+class Output:
+    """Whether standard output took what was printed."""
+
+    def __init__(self, sink: _Sink | None) -> None:
+        self._sink = sink
+
+    def failure(self) -> str:
+        """Why not, or nothing: a reader that has gone read all that it wanted."""
+        if self._sink is None:
+            return ""
+        sys.stdout.flush()
+        error = self._sink.error
+        return "" if error is None or error.errno == errno.EPIPE else error.strerror or str(error)
+
+
+@contextmanager
+def forgiving() -> Iterator[Output]:
+    """Inside, printing raises nothing. Streams that somebody else has put in their places are left alone."""
+    own = [name for name in ("stdout", "stderr") if getattr(sys, name) is getattr(sys, f"__{name}__")]
+    before = {name: getattr(sys, name) for name in own}
+    sinks = {name: _Sink(_descriptor(number)) for number, name in ((STDOUT, "stdout"), (STDERR, "stderr")) if name in own}
+    for name, sink in sinks.items():
+        stream = before[name]
+        if stream is None:
+            sink.error = OSError(errno.EBADF, os.strerror(errno.EBADF))
+        else:
+            stream.flush()
+        encoding, errors = (stream.encoding, stream.errors) if stream else ("utf-8", "replace")
+        buffer = io.BufferedWriter(sink)
+        setattr(sys, name, io.TextIOWrapper(buffer, encoding, errors, line_buffering=name == "stderr" or sink.isatty()))
+    try:
+        yield Output(sinks.get("stdout"))
+    finally:
+        for name, stream in before.items():
+            getattr(sys, name).flush()
+            setattr(sys, name, stream)
+
+
+def _descriptor(number: int) -> int:
+    """The number, with something behind it: else the next file that is opened would get what is printed."""
+    try:
+        os.fstat(number)
+    except OSError:
+        while os.open(os.devnull, os.O_RDWR) < number:
+            pass
+        os.set_inheritable(number, True)
+    return number
