@@ -32,20 +32,12 @@ def main(arguments: list[str] | None = None) -> int:
     began = time.perf_counter()
     with streams.forgiving() as output:
         if not faulthandler.is_enabled():
-            faulthandler.enable(file=streams.STDERR)
+            faulthandler.enable(file=streams.DESCRIPTORS["stderr"])
         code = _run(sys.argv[1:] if arguments is None else arguments, began)
         if failure := output.failure():
             print(f"error: cannot write to standard output: {failure}", file=sys.stderr)
             code = code or STOPPED
     return code
-
-
-def entry() -> int:
-    """As `main`, for a process that ends afterwards."""
-    try:
-        return main()
-    finally:
-        interruption.ignore()
 
 
 def _run(words: list[str], began: float) -> int:
@@ -108,4 +100,4 @@ def _parser(words: list[str]) -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(entry())
+    sys.exit(main())

@@ -112,20 +112,24 @@ class ResultWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Bring everything appended so far into the file. Raises: ResultError, such as for a full disk."""
+        """Bring everything appended so far into the file, on a full disk as much as it takes. Raises: ResultError."""
         if not self._waiting:
             return
+        times = np.concatenate([times for times, _ in self._waiting])
+        samples = {name: np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals}
         with _as_result_error("write", self.path):
-            count = self._count + sum(len(times) for times, _ in self._waiting)
-            self._reserve(count)
+            rows, full = self._reserve(len(times))
+            count = self._count + rows
             for name, variable in self._variables.items():
                 variable.resize(count, axis=0)
-                variable[self._count :] = np.concatenate([batch[name] for _, batch in self._waiting])
+                variable[self._count :] = samples[name][:rows]
             self._time.resize(count, axis=0)
-            self._time[self._count :] = np.concatenate([times for times, _ in self._waiting])
+            self._time[self._count :] = times[:rows]
             self._file.flush()
-        # Only now: a Ctrl-C in between has the next flush write the same samples to the same place again.
-        self._waiting, self._waiting_bytes, self._count = [], 0, count
+            # Only now: what breaks off in between has the next flush write the same samples to the same place again.
+            self._waiting, self._waiting_bytes, self._count = [], 0, count
+            if full:
+                raise full
 
     def close(
         self,
@@ -189,17 +193,34 @@ class ResultWriter:
         self._time = self._file["time"]
         self._variables = {name: self._file[_netcdf_name(name)] for name in self._signals}
 
-    def _reserve(self, count: int) -> None:
+    def _reserve(self, rows: int) -> tuple[int, OSError | None]:
+        """Have the disk set aside what so many more rows take, or fewer. Returns how many, and why not all."""
+        full = None
+        while True:
+            try:
+                self._set_aside(self._count + rows)
+                return rows, full
+            except OSError as error:
+                if error.errno not in FULL:
+                    raise
+                full = full or error
+                if not rows:
+                    return 0, full
+                rows //= 2
+
+    def _set_aside(self, count: int) -> None:
         """Have the disk set aside what `count` samples and then the closing attributes take. Raises: OSError."""
         size = CLOSING_BYTES
         for variable in (self._time, *self._variables.values()):
             rows = variable.chunks[0]
             chunks = -(-count // rows) - -(-self._count // rows)
             size += chunks * (prod(variable.chunks) * variable.dtype.itemsize + INDEX_BYTES) + NODE_BYTES
+        descriptor, end = self._file.id.get_vfd_handle(), self._file.id.get_filesize()
         try:
-            os.posix_fallocate(self._file.id.get_vfd_handle(), self._file.id.get_filesize(), size)
+            os.posix_fallocate(descriptor, end, size)
         except (AttributeError, OSError) as error:
             if getattr(error, "errno", None) in FULL:
+                os.ftruncate(descriptor, end)  # a part may have been set aside
                 raise
             # This system, or this file system, cannot reserve; it can still say what is left.
             if shutil.disk_usage(self.path.parent).free < size:

@@ -19,7 +19,8 @@ from cosim import metrics as reductions
 from cosim.block import Local, Output, State
 from cosim.courses import Courses
 from cosim.diagram import Diagram, MetricEntry
-from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, Terminated, WrongValue
+from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, ResultError, Terminated, WrongValue
+from cosim.interruption import Interruption
 from cosim.metrics import Events, Final, Reduction
 from cosim.network import Finding, Network, Signal
 from cosim.simulation import Kernels, Probes, Samples, Simulation
@@ -42,7 +43,7 @@ class Event:
 class Outcome:
     """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
 
-    seconds: wall-clock time of each part.
+    seconds: wall-clock time of each part. signal: the number of the signal that interrupted it, or 0.
     """
 
     diagram: str
@@ -55,6 +56,7 @@ class Outcome:
     metrics: dict[str, Any]
     results: str | None
     error: CosimError | None = None
+    signal: int = 0
     events: list[Event] = field(default_factory=list)
     warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
     conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
@@ -140,14 +142,19 @@ class Run:
     def execute(self, watch: Callable[[float], None] = lambda time: None) -> Outcome:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
 
-        Raises: ResultError if the result cannot be written; everything else is in the outcome.
+        A signal ends the run after the batch that is under way; until the result is closed, further ones lose nothing.
+        Raises: ResultError if the result cannot be begun; everything else is in the outcome.
         """
+        with interruption.deferred() as interrupted:
+            return self._execute(watch, interrupted)
+
+    def _execute(self, watch: Callable[[float], None], interrupted: Interruption) -> Outcome:
         writer = self._writer() if self.output else None
         status = "completed"
         error: CosimError | None = None
         termination: CosimError | None = None
         try:
-            self._solve(writer, watch)
+            self._solve(writer, watch, interrupted)
         except Diverged as stopped:
             status, error = "diverged", stopped
         except Terminated as stopped:
@@ -161,30 +168,41 @@ class Run:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
         outcome.warnings += [*self.simulation.warnings(), *([termination] if termination else [])]
+        outcome.signal = interrupted.number
         if writer:
-            ended = error or termination
-            message = ended.message if ended else ""
-            writer.close(status, message, outcome.metrics, outcome.steps, outcome.seconds)
+            self._close(writer, outcome, error or termination)
         return outcome
 
-    def _solve(self, writer: results.ResultWriter | None, watch: Callable[[float], None]) -> None:
+    def _close(self, writer: results.ResultWriter, outcome: Outcome, ended: CosimError | None) -> None:
+        """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
+        message = ended.message if ended else ""
+        try:
+            writer.close(outcome.status, message, outcome.metrics, outcome.steps, outcome.seconds)
+        except ResultError as full:
+            if outcome.error is None:
+                outcome.status, outcome.error = "failed", full
+
+    def _solve(
+        self, writer: results.ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption
+    ) -> None:
         began = flushed = clock.perf_counter()
         writing = 0.0
         try:
-            with interruption.deferred() as interrupted:
+            with interrupted.breakable():
                 self.simulation.initialize()
-                for stepwise, recorded in self.simulation.batches():
-                    resumed = clock.perf_counter()
-                    self._reduce(stepwise)
-                    if writer:
-                        self._append(writer, recorded)
-                        if resumed - flushed > FLUSH_SECONDS:
-                            writer.flush()
-                            flushed = resumed
-                    watch(self.simulation.time)
-                    writing += clock.perf_counter() - resumed
-                    interrupted.raise_if_wanted()
-                self.simulation.close()
+            interrupted.raise_if_wanted()
+            for stepwise, recorded in self.simulation.batches():
+                resumed = clock.perf_counter()
+                self._reduce(stepwise)
+                if writer:
+                    self._append(writer, recorded)
+                    if resumed - flushed > FLUSH_SECONDS:
+                        writer.flush()
+                        flushed = resumed
+                watch(self.simulation.time)
+                writing += clock.perf_counter() - resumed
+                interrupted.raise_if_wanted()
+            self.simulation.close()
         except BaseException:
             with suppress(CosimError):  # what comes after a failure is no news
                 self.simulation.close()

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-STDOUT, STDERR = 1, 2
+DESCRIPTORS = {"stdout": 1, "stderr": 2}
 
 
 class _Sink(io.RawIOBase):
@@ -56,9 +56,9 @@ class Output:
 @contextmanager
 def forgiving() -> Iterator[Output]:
     """Inside, printing raises nothing. Streams that somebody else has put in their places are left alone."""
-    own = [name for name in ("stdout", "stderr") if getattr(sys, name) is getattr(sys, f"__{name}__")]
+    own = {name: n for name, n in DESCRIPTORS.items() if getattr(sys, name) is getattr(sys, f"__{name}__")}
     before = {name: getattr(sys, name) for name in own}
-    sinks = {name: _Sink(_descriptor(number)) for number, name in ((STDOUT, "stdout"), (STDERR, "stderr")) if name in own}
+    sinks = {name: _Sink(_descriptor(number)) for name, number in own.items()}
     for name, sink in sinks.items():
         stream = before[name]
         if stream is None:

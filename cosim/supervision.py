@@ -20,6 +20,8 @@ import weakref
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, NoReturn
 
+from cosim import interruption
+
 AVAILABLE = hasattr(os, "fork")
 GLANCE = 0.1
 """Seconds between two looks at whether a process still does something."""
@@ -206,8 +208,7 @@ def _settle(parent: int, mortal: bool) -> None:
 
     mortal: end with the parent, also in the middle of a call; Linux ends it with the parent's thread.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    interruption.ignore()  # the parent decides
     faulthandler.disable()
     gc.freeze()
     for connection in list(_connections):

@@ -190,3 +190,14 @@ class Clock(Block):
             next_log[0, 1] = time
             next_torn[0, 0] = 7.0
             next_torn[0, 1] = -1.0
+
+
+class Crashing(Block, compiled=False):
+    """Reads where nothing is."""
+
+    y = Output()
+
+    def outputs(y):
+        import ctypes
+
+        y[0] = ctypes.string_at(0)[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,8 @@ from typing import Any
 from cosim import results, terminal
 from cosim.commands.options import diagram_arguments, load_network
 from cosim.errors import CosimError
+from cosim.exits import BY_SIGNAL, DONE, STOPPED
 from cosim.run import ENGINES, Outcome, Run
-
-EXIT_CODES = {"completed": 0, "terminated": 1, "diverged": 1, "failed": 1, "interrupted": 130}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,23 +35,30 @@ def run(options: argparse.Namespace) -> int:
     run = Run(network, options.engine, output, options.began)
     with terminal.Progress(network.diagram.run.stop) as progress:
         outcome = run.execute(progress.update)
-    if options.csv:
-        with results.open_result(output) as result:
-            results.write_csv(options.csv, result)
     if options.json:
         print(outcome.as_json())
     else:
         _report(outcome, previous)
     if outcome.error:
         terminal.print_errors(outcome.error)
-    return EXIT_CODES[outcome.status]
+    if options.csv:
+        with results.open_result(output) as result:
+            results.write_csv(options.csv, result)
+    return _exit_code(outcome)
+
+
+def _exit_code(outcome: Outcome) -> int:
+    if outcome.status == "interrupted":
+        return BY_SIGNAL + (outcome.signal or signal.SIGINT)
+    return DONE if outcome.status == "completed" else STOPPED
 
 
 def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
     terminal.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
-    print(f"\n{outcome.status} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
+    by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
+    print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
     print(f"recorded in {outcome.results}")
     for swap in outcome.swaps:
         print(swap)

@@ -38,6 +38,8 @@ def run(
     except CosimError as error:
         return {**row, **lost(error.message)}
     outcome = run.execute(watch)
+    if isinstance(outcome.error, ResultError):
+        raise outcome.error
     return {**row, **_kept(outcome)}
 
 
