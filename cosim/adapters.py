@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import types
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cosim import memory
 from cosim.block import Declaration, Function, Variable
+from cosim.fingerprint import fingerprint
 
 # A frame's words: what a kernel leaves where it fails (the address of a text, two numbers for it, the instance, and the
 # time), the number of instances, the sizes of the run-time dimensions, and offset and stride of each argument.
@@ -23,7 +18,9 @@ FIRST_ARGUMENT = INSTANCES + 1
 
 @dataclass(frozen=True)
 class Source:
-    """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what it depends on.
+    """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what its code depends on.
+
+    meaning: what it computes depends on, which its lines are no part of.
 
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
     what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
@@ -33,6 +30,7 @@ class Source:
     symbol: str
     build: Callable[[], Callable[..., int]]
     fingerprint: str
+    meaning: Callable[[], str]
     disjoint: bool = False
     checked: bool = False
     place: str = ""
@@ -58,7 +56,10 @@ def run_time_dimensions(declaration: Declaration, constants: dict[str, int]) -> 
 def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> Source:
     """The kernel around one function of a block."""
     text = adapter_text(declaration, function, constants)
-    digest = fingerprint(function.python)
+    digest = fingerprint(function.python, lines=True)
+
+    def meaning() -> str:
+        return fingerprint(function.python) + text
 
     def build() -> Callable[..., int]:
         from cosim import intrinsics
@@ -70,7 +71,7 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
     # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
     code = function.python.__code__
     place = f"{code.co_filename}:{code.co_firstlineno}"
-    return Source(function.name, build, digest + text, disjoint=True, checked=True, place=place)
+    return Source(function.name, build, digest + text, meaning, disjoint=True, checked=True, place=place)
 
 
 def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:
@@ -98,48 +99,6 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
     return "\n".join(lines)
 
 
-def fingerprint(function: Any) -> str:
-    """A text that changes whenever compiling could give other code: bytecode, its lines, and all that it reaches."""
-    digest = hashlib.sha256()
-    _feed(digest, function, set())
-    return digest.hexdigest()
-
-
-def _feed(digest: Any, value: Any, seen: set[int]) -> None:
-    if isinstance(value, types.FunctionType):
-        if value.__module__ == memory.__name__:
-            digest.update(value.__name__.encode())  # what it is in compiled code, `cosim.intrinsics` says
-            return
-        if id(value) in seen:
-            return
-        seen.add(id(value))
-        digest.update(repr(value.__defaults__).encode())
-        _feed_code(digest, value.__code__, value.__globals__, seen)
-        for cell in value.__closure__ or ():
-            _feed(digest, cell.cell_contents, seen)
-    elif isinstance(value, types.ModuleType):
-        digest.update(value.__name__.encode())
-    elif isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    else:
-        digest.update(repr(value).encode())
-
-
-def _feed_code(digest: Any, code: types.CodeType, scope: dict[str, Any], seen: set[int]) -> None:
-    digest.update(code.co_code)
-    digest.update(repr((Path(code.co_filename).name, code.co_firstlineno, code.co_linetable)).encode())  # for faults
-    digest.update(repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
-    for constant in code.co_consts:
-        if isinstance(constant, types.CodeType):
-            _feed_code(digest, constant, scope, seen)
-        else:
-            digest.update(repr(constant).encode())
-    for name in code.co_names:
-        if name in scope:
-            digest.update(name.encode())
-            _feed(digest, scope[name], seen)
-
-
 def raw_source(module: str, entry: Callable[[float, int, int], int]) -> Source:
     """The kernel around a function of a time and two addresses, of the base and of the frame."""
     name = entry.__name__
@@ -152,4 +111,4 @@ def raw_source(module: str, entry: Callable[[float, int, int], int]) -> Source:
         exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)
         return scope["adapter"]
 
-    return Source(name, build, fingerprint(entry) + text)
+    return Source(name, build, fingerprint(entry, lines=True) + text, lambda: fingerprint(entry) + text)

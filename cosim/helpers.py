@@ -20,6 +20,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 
 from cosim import checks, intrinsics, memory
 from cosim.errors import KernelError
+from cosim.fingerprint import fingerprint
 
 
 class Target:
@@ -113,8 +114,7 @@ def with_compiled_globals(
                 continue
         if value in inside:
             raise KernelError(f"{name}() calls itself", fix="write the recursion as a loop")
-        compiled = with_compiled_globals(value, checked=checked, inside=(*inside, value))
-        scope[name] = _helper(compiled, disjoint, checked)
+        scope[name] = _helper(value, disjoint, checked, (*inside, value))
     copy = python_types.FunctionType(
         function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
     )
@@ -122,20 +122,13 @@ def with_compiled_globals(
     return copy
 
 
-def _helper(function: Callable[..., Any], disjoint: bool, checked: bool) -> Helper:
+def _helper(function: Callable[..., Any], disjoint: bool, checked: bool, inside: tuple[Any, ...]) -> Helper:
     """One helper for all functions of the same code that see the same values, so that blocks share its IR."""
-    reached = [function.__globals__.get(name) for name in sorted(_names(function.__code__))]
-    reached += [function.__defaults__, *(cell.cell_contents for cell in function.__closure__ or ())]
-    # What is not a number is kept alive by the helper that the key belongs to, so that its id stays its own.
-    key = (
-        function.__code__,
-        function.__code__.co_filename,
-        disjoint,
-        checked,
-        *(repr(v) if isinstance(v, (int, float)) else id(v) for v in reached),
-    )
+    file = function.__code__.co_filename
+    key = (function.__qualname__, file, fingerprint(function, lines=True), disjoint, checked)
     if key not in _helpers:
-        _helpers[key] = Helper(function, disjoint, checked)
+        compiled = with_compiled_globals(function, checked=checked, inside=inside)
+        _helpers[key] = Helper(compiled, disjoint, checked)
     return _helpers[key]
 
 

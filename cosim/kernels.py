@@ -5,21 +5,25 @@ Every kernel is ``int32 kernel(double time, uint8 *base, int64 *frame)`` and ret
 `cosim.adapters`); offsets are bytes from `base`, strides are bytes between two instances (0: all instances share the
 value). A function that fails writes to `fault` what is to be told of it.
 
-A source is compiled once: the cache is keyed by the bytecode of the functions and all that they reach, the shapes,
-the versions of the compilers, and the processor. A warm start imports neither numba nor anything of it.
+A source is compiled once: the cache is keyed by the functions and all that they reach, the shapes, the versions of the
+compilers, and the processor. What cannot be followed to its end is compiled at every run. A warm start imports neither
+numba nor anything of it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 from cosim import cache, native
 from cosim.adapters import Source, block_source, raw_source
 from cosim.block import Declaration
+from cosim.fingerprint import obstacle
 
 
 @dataclass
@@ -30,6 +34,12 @@ class Module:
     code: bytes
     key: str
     compiled_now: bool
+    sources: tuple[Source, ...]
+
+    @cached_property
+    def meaning(self) -> str:
+        """As `key`, but of what the functions compute, whatever lines they stand in."""
+        return _key([s.symbol + s.meaning() for s in self.sources])
 
     def load(self) -> native.Library:
         """Load into this process; one copy for all users of the same code."""
@@ -48,16 +58,25 @@ def module(name: str, sources: Iterable[Source]) -> Module:
     """
     sources = tuple(sources)
     key = _key([s.symbol + s.fingerprint for s in sources])
-    path = cache.folder() / f"{name}-{key}.o"
-    if path.exists():
-        return Module(name, path.read_bytes(), key, compiled_now=False)
-    if sys.stderr.isatty():
-        print(f"compiling {name.partition('-')[0]}, once…", file=sys.stderr)
+    entry = f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)[:80]}-{key}"
+    once = next((reason for s in sources if (reason := obstacle(s.fingerprint))), "")
+    code = None if once else cache.read(entry)
+    if code is not None:
+        return Module(name, code, key, False, sources)
+    _say(name.partition("-")[0], once)
     from cosim import compiler
 
     code = compiler.compile_object(name, sources)
-    cache.write(path, code)
-    return Module(name, code, key, compiled_now=True)
+    if not once:
+        cache.write(entry, code)
+    return Module(name, code, key, True, sources)
+
+
+def _say(name: str, obstacle: str) -> None:
+    """Tell who waits at a terminal what for."""
+    if sys.stderr and sys.stderr.isatty():
+        why = f"anew at every run, as it depends on {obstacle}, which cannot be followed" if obstacle else "once"
+        print(f"compiling {name}, {why}…", file=sys.stderr)
 
 
 def _key(parts: Iterable[str]) -> str:

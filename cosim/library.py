@@ -14,14 +14,14 @@ import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
-from cosim import source
+from cosim import installed, source
 from cosim.block import Block
 from cosim.entry import BlockEntry
 from cosim.errors import (
@@ -62,7 +62,7 @@ def broken() -> list[CosimError]:
 
 
 def import_file(path: Path) -> ModuleType:
-    """The module that a Python file is; imported once, and again if the file changes.
+    """The module that a Python file is; imported once, and again if it or a file that it imports changes.
 
     It may import modules of its own folder, which other files do not see.
     Raises: MissingFile, BlockImportError, DeclarationError (both at the line of the Python file).
@@ -70,8 +70,9 @@ def import_file(path: Path) -> ModuleType:
     content = source.read_bytes(path)
     real = path.resolve()
     known = _files.get(real)
-    if known and known[0] == content:
+    if known and all(_has_content(file, before) for file, before in known[0].items()):
         return known[1]
+    _forget_changed(known[0] if known else {})
     name = f"cosim_file_{real.stem}_{hashlib.sha256(str(real).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, real)
     assert spec and spec.loader
@@ -79,20 +80,50 @@ def import_file(path: Path) -> ModuleType:
     linecache.checkcache(str(real))
     previous = sys.modules.get(name)
     sys.modules[name] = module
+    before = set(sys.modules)
     try:
         with _siblings(real.parent):
             exec(compile(content, str(real), "exec"), module.__dict__)
+            _imported.update(n for n in set(sys.modules) - before if installed.package(n) != "cosim")
+            beside = _beside(real.parent)
     except (Exception, SystemExit) as error:
         if previous:
             sys.modules[name] = previous
         else:
             del sys.modules[name]
         raise _import_error(error, path, str(real.parent)) from None
-    _files[real] = (content, module)
+    _files[real] = ({**beside, real: content}, module)
     return module
 
 
-_files: dict[Path, tuple[bytes, ModuleType]] = {}
+_imported: set[str] = set()
+"""The names of all modules that were imported for block files."""
+_files: dict[Path, tuple[dict[Path, bytes], ModuleType]] = {}
+"""The modules that Python files are, each with the content of all files of its folder that were imported for it."""
+
+
+def _beside(folder: Path) -> dict[Path, bytes]:
+    """The authors' own modules in a folder that block files have imported, with their content."""
+    files = {name: Path(getattr(sys.modules.get(name), "__file__", None) or "") for name in _imported}
+    own = (
+        f for name, f in files.items() if folder in f.parents and not installed.text(installed.package(name), str(f))
+    )
+    return {file: file.read_bytes() for file in own if file.is_file()}
+
+
+def _has_content(file: Path, content: bytes) -> bool:
+    try:
+        return file.read_bytes() == content
+    except OSError:
+        return False
+
+
+def _forget_changed(files: Mapping[Path, bytes]) -> None:
+    """Have those files imported anew that block files imported with another content."""
+    changed = {str(file) for file, content in files.items() if not _has_content(file, content)}
+    for name in _imported & set(sys.modules):
+        if getattr(sys.modules[name], "__file__", None) in changed:
+            del sys.modules[name]
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:
@@ -184,13 +215,18 @@ def _import_error(error: BaseException, path: Path, folder: str) -> CosimError:
 
 @contextmanager
 def _siblings(folder: Path) -> Iterator[None]:
-    """Let imports find modules in a folder; afterwards forget those that nothing else could have found."""
-    before = set(sys.modules)
+    """Let imports find modules in a folder; afterwards forget those that nothing else could have found.
+
+    Their bytecode is not kept: Python would take it for that of a file changed within the same second.
+    """
+    before, writes = set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     sys.path.insert(0, str(folder))
     importlib.invalidate_caches()
     try:
         yield
     finally:
+        sys.dont_write_bytecode = writes
         sys.path.remove(str(folder))
         inside = [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], folder)]
         found = {name: sys.modules.pop(name) for name in inside}

@@ -21,6 +21,7 @@ from typing import Literal
 from cosim import cache, engine
 from cosim.adapters import Source, block_source, raw_source
 from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
+from cosim.fingerprint import obstacle
 from cosim.fmu import source
 from cosim.fmu.model import Model
 from cosim.network import Slave
@@ -122,9 +123,10 @@ class Objects:
 
     def of(self, unit: Unit, platform: Platform) -> bytes:
         """The object code of a unit. Raises: KernelError."""
-        path = cache.folder() / f"fmu-{platform.name}-{self._key(unit, platform)}.o"
-        if path.exists():
-            return path.read_bytes()
+        entry = f"fmu-{platform.name}-{self._key(unit, platform)}"
+        code = cache.read(entry)
+        if code is not None:
+            return code
         from cosim import compiler
 
         if unit.name not in self._ir:
@@ -134,7 +136,8 @@ class Objects:
             self._ir[unit.name] = ir
         symbols = [s.symbol for s in unit.sources]
         code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", symbols, unit.name)
-        cache.write(path, code)
+        if not any(obstacle(source.fingerprint) for source in unit.sources):
+            cache.write(entry, code)
         return code
 
     def _key(self, unit: Unit, platform: Platform) -> str:

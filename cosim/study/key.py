@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim.adapters import fingerprint
 from cosim.block import Declaration, Dimension, Variable
 from cosim.diagram import Diagram, RunSettings
 from cosim.entry import BlockEntry
 from cosim.errors import Position
+from cosim.fingerprint import fingerprint
 from cosim.network import Network, Slave
 from cosim.simulation import Kernels
 from cosim.source import Node
@@ -53,11 +53,14 @@ def structure(network: Network, table: Table, kernels: Kernels) -> bytes:
     digest = hashlib.sha256(program())
     for part in (network, table):
         _feed(digest, part)
-    modules = [module.key if module else "python" for module in (*kernels.modules.values(), kernels.loop)]
+    modules = [module.meaning if module else "python" for module in (*kernels.modules.values(), kernels.loop)]
     _feed(digest, modules)
     for slave in network.slaves.values():
         if slave.entry.kind == "fmu":
             digest.update(_content(slave.entry.path, slave.entry.path.stat().st_mtime_ns))
+        elif not slave.declaration.compiled:
+            plain = [fingerprint(function.python, interpreted=True) for function in slave.declaration.functions]
+            _feed(digest, plain)
     return digest.digest()
 
 
