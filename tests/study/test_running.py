@@ -246,6 +246,18 @@ def test_sigkill_loses_nothing_that_is_done(tmp_path):
     assert len(keys) == len(set(keys)) == 240
 
 
+def test_members_that_are_finished_and_not_yet_looked_at_are_kept(study, tmp_path):
+    def interrupted(done, total):
+        time.sleep(0.3)  # so that others come to their end
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        running.run(study(), Options(tmp_path / "results", threads=2, watch=interrupted))
+    kept = lines(tmp_path)
+    assert len(kept) == len({row["key"] for row in kept}) > 1
+    assert all(row["status"] == "completed" for row in kept)
+
+
 def test_ctrl_c_keeps_what_is_done(tmp_path):
     written(tmp_path, SLOW, "diagram.yaml")
     path = written(tmp_path, STUDY.replace("count: 4", "count: 400"), "study.yaml")

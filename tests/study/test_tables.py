@@ -127,3 +127,17 @@ def test_a_table_of_any_title_is_written_into_the_folder(results, tmp_path, titl
     made = set(tmp_path.rglob("*")) - before
     assert len(made) == 2
     assert all(path.parent == tmp_path / "results" for path in made)
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "expected"),
+    [
+        (None, None, [True, True, True, False]),
+        (1.0, None, [False, False, True, False]),  # the limit itself is not above it
+        (None, 1.0, [True, False, False, False]),
+        (0.0, 2.0, [False, True, False, False]),
+        (1.0, 1.0, [False, False, False, False]),
+    ],
+)
+def test_a_share_counts_what_is_beyond_all_limits(above, below, expected):
+    assert tables.satisfies(np.array([0.0, 1.0, 2.0, np.nan]), above, below).tolist() == expected
