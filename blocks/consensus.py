@@ -17,7 +17,7 @@ def local_errors(
     """e_i = sum_j a_ij (delta_i - delta_j) + b_i delta_i, that is e = ((L + B) ⊗ I_n) delta, (26), (30).
 
     For delta = x - x_d and for delta = v - v_d. x, x_d, v, v_d, e_x, e_v: (robots, n); neighbours, weights:
-    (robots, capacity), see `blocks.adjacency`; b: (robots).
+    (robots, capacity), see `adjacency.py`; b: (robots).
     """
     for i in range(x.shape[0]):
         for q in range(x.shape[1]):

@@ -2,8 +2,8 @@
 
 import math
 
-from blocks.reference import POSITION
 from cosim.block import Block, Input, Output, Parameter, rule
+from cosim.blocks.reference import POSITION
 
 HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
 

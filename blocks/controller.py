@@ -2,9 +2,14 @@
 
 import numpy as np
 
-from blocks.consensus import local_errors
-from blocks.stability_conditions import formation_reached, network_covers_reference, references_apart, topology_slow
 from cosim.block import Block, Input, Local, Output, Parameter, condition, rule
+from cosim.blocks.consensus import local_errors
+from cosim.blocks.stability_conditions import (
+    formation_reached,
+    network_covers_reference,
+    references_apart,
+    topology_slow,
+)
 
 
 class SlidingModeController(Block):

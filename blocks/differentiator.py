@@ -2,8 +2,8 @@
 
 import math
 
-from blocks.cube_root import cube_root
 from cosim.block import Block, CalculatedParameter, Input, Parameter, State, rule
+from cosim.blocks.cube_root import cube_root
 
 
 class SlidingModeDifferentiator(Block):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from blocks.adjacency import is_heard
-from blocks.agreement import agrees
 from cosim.block import Input, Measure, Output, Parameter, rule
+from cosim.blocks.adjacency import is_heard
+from cosim.blocks.agreement import agrees
 
 
 def edges_are_pairs(edges, robots):

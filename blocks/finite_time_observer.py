@@ -1,7 +1,7 @@
 """Velocity and uncertainty of a robot from its position: the finite-time observer without a neural network."""
 
-from blocks.signed_power import common_root, signed_powers
 from cosim.block import Block, CalculatedParameter, Input, Local, Parameter, State, rule
+from cosim.blocks.signed_power import common_root, signed_powers
 
 
 class FiniteTimeObserver(Block):

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from blocks.agreement import agrees
-from blocks.consensus import local_errors
 from cosim.block import Input, Local, Measure, Output, Parameter, rule
+from cosim.blocks.agreement import agrees
+from cosim.blocks.consensus import local_errors
 
 
 class FormationErrors(Measure):

@@ -2,10 +2,10 @@
 
 import math
 
-from blocks.radial_basis import activations, equal_spacing, weighted_sum
-from blocks.signed_power import common_root, signed_powers
-from blocks.stability_conditions import network_covers_run, observer_region, observer_stable
 from cosim.block import Block, CalculatedParameter, Input, Local, Output, Parameter, State, condition, rule
+from cosim.blocks.radial_basis import activations, equal_spacing, weighted_sum
+from cosim.blocks.signed_power import common_root, signed_powers
+from cosim.blocks.stability_conditions import network_covers_run, observer_region, observer_stable
 
 
 class NeuralObserver(Block):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from blocks.distance import planar_distance
 from cosim.block import Input, Measure, Output, Parameter, rule
+from cosim.blocks.distance import planar_distance
 
 
 def pairs_are_robots(pairs, robots):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from blocks.distance import planar_distance
 from cosim.block import Block, Input, Output, Parameter, rule
+from cosim.blocks.distance import planar_distance
 
 
 def repulsion(distance: float, lower: float, outer: float, alpha: float) -> float:

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
-from blocks.cell_grid import later, later_near, sort_into_cells
-from blocks.distance import planar_square, surely_beyond
 from cosim.block import Block, Dimension, Input, Local, Output, Parameter, rule
+from cosim.blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
+from cosim.blocks.cell_grid import later, later_near, sort_into_cells
+from cosim.blocks.distance import planar_square, surely_beyond
 
 
 def fading_weight(distance: float, eta_1: float, eta_2: float, eta_3: float) -> float:

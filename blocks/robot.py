@@ -1,8 +1,8 @@
 """The plant: a three-wheel omnidirectional robot."""
 
-from blocks.control_gain import wheel_directions
-from blocks.reference import POSITION
 from cosim.block import Block, Input, Parameter, State, rule
+from cosim.blocks.control_gain import wheel_directions
+from cosim.blocks.reference import POSITION
 
 
 class OmnidirectionalRobot(Block):

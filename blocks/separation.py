@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from blocks.cell_grid import later, later_near, sees_all, sort_into_cells
-from blocks.distance import planar_square, surely_beyond
 from cosim.block import Dimension, Input, Local, Measure, Output, Parameter, State, condition, rule
+from cosim.blocks.cell_grid import later, later_near, sees_all, sort_into_cells
+from cosim.blocks.distance import planar_square, surely_beyond
 
 
 def rows_used(collisions: NDArray) -> int:

@@ -4,7 +4,7 @@ import math
 
 from numpy.typing import NDArray
 
-from blocks.cube_root import HIGHEST, LOWEST, cube_root, cube_root_within
+from cosim.blocks.cube_root import HIGHEST, LOWEST, cube_root, cube_root_within
 
 
 def common_root(beta: float) -> int:

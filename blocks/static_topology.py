@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from blocks.adjacency import begin_with_static, names_robots, strongly_connected
 from cosim.block import Block, Dimension, Input, Local, Output, Parameter, rule
+from cosim.blocks.adjacency import begin_with_static, names_robots, strongly_connected
 
 
 class StaticTopology(Block):

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from blocks.agreement import agrees
-from blocks.distance import planar_square
-from blocks.stability_conditions import formation_reached_along, topology_slow_along
 from cosim.block import Input, Measure, Output, Parameter, condition, rule
+from cosim.blocks.agreement import agrees
+from cosim.blocks.distance import planar_square
+from cosim.blocks.stability_conditions import formation_reached_along, topology_slow_along
 
 
 class TopologyRate(Measure):

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from blocks.agreement import agrees
-from blocks.stability_conditions import network_extremes
 from cosim.block import CalculatedParameter, Input, Measure, Output, Parameter, rule
+from cosim.blocks.agreement import agrees
+from cosim.blocks.stability_conditions import network_extremes
 
 
 class UltimateBounds(Measure, compiled=False):

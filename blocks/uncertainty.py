@@ -2,8 +2,8 @@
 
 import math
 
-from blocks.reference import POSITION
 from cosim.block import Block, Input, Output, Parameter
+from cosim.blocks.reference import POSITION
 
 
 class Uncertainty(Block):

@@ -1,5 +1,6 @@
 """Co-simulation of block diagrams: independent signal blocks, YAML wiring, one native master."""
 
+import os
 from importlib import import_module
 
 TYPE_CHECKING = False  # as of `typing`, without the time that it takes
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
         condition,
         rule,
     )
+
+# In the source tree, the library's blocks stand beside this package; a wheel holds them within, as `cosim.blocks`.
+_folder = os.path.dirname(os.path.abspath(__file__))
+if not os.path.isdir(os.path.join(_folder, "blocks")):
+    __path__.append(os.path.dirname(_folder))
 
 __all__ = [
     "Block",

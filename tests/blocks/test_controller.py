@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from blocks import stability_conditions
-from blocks.controller import SlidingModeController
-from blocks.stability_conditions import (
+from cosim.block import Course
+from cosim.blocks import stability_conditions
+from cosim.blocks.controller import SlidingModeController
+from cosim.blocks.stability_conditions import (
     formation_reached,
     formation_reached_along,
     network_covers_reference,
@@ -16,7 +17,6 @@ from blocks.stability_conditions import (
     topology_slow,
     topology_slow_along,
 )
-from cosim.block import Course
 from cosim.rules import Source
 
 RING = np.array([[4], [3], [1], [5], [6], [2]], np.int32)

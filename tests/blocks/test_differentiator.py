@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from blocks.differentiator import SlidingModeDifferentiator
+from cosim.blocks.differentiator import SlidingModeDifferentiator
 
 ETA = np.array([6.0, 8.0, 8.0, 6.0])
 

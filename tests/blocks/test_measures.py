@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from blocks import cell_grid
-from blocks.agreement import agrees
-from blocks.differentiator_errors import DifferentiatorErrors
-from blocks.edge_weights import EdgeWeights, edges_are_pairs
-from blocks.estimation_errors import EstimationErrors
-from blocks.formation_errors import FormationErrors
-from blocks.pair_gaps import PairGaps, pairs_are_robots
-from blocks.range_topology import RangeTopology
-from blocks.separation import Separation
-from blocks.topology_rate import TopologyRate
-from blocks.ultimate_bounds import UltimateBounds
 from cosim import run
+from cosim.blocks import cell_grid
+from cosim.blocks.agreement import agrees
+from cosim.blocks.differentiator_errors import DifferentiatorErrors
+from cosim.blocks.edge_weights import EdgeWeights, edges_are_pairs
+from cosim.blocks.estimation_errors import EstimationErrors
+from cosim.blocks.formation_errors import FormationErrors
+from cosim.blocks.pair_gaps import PairGaps, pairs_are_robots
+from cosim.blocks.range_topology import RangeTopology
+from cosim.blocks.separation import Separation
+from cosim.blocks.topology_rate import TopologyRate
+from cosim.blocks.ultimate_bounds import UltimateBounds
 from cosim.errors import DiagramErrors
 from cosim.rules import Source
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from blocks.finite_time_observer import FiniteTimeObserver
-from blocks.neural_observer import NeuralObserver
-from blocks.radial_basis import activations, equal_spacing, weighted_sum
-from blocks.signed_power import common_root
-from blocks.stability_conditions import lyapunov_matrix, network_covers_run, observer_region, observer_stable
 from cosim.block import Course
+from cosim.blocks.finite_time_observer import FiniteTimeObserver
+from cosim.blocks.neural_observer import NeuralObserver
+from cosim.blocks.radial_basis import activations, equal_spacing, weighted_sum
+from cosim.blocks.signed_power import common_root
+from cosim.blocks.stability_conditions import lyapunov_matrix, network_covers_run, observer_region, observer_stable
 
 CENTRES = np.arange(-2.0, 6.0)
 GAMMA_1 = np.array([1.0, 5.0, 50.0, 200.0, 10000.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blocks.potential_field import PotentialField, outer_boundary_in_range, repulsion
+from cosim.blocks.potential_field import PotentialField, outer_boundary_in_range, repulsion
 from cosim.rules import Source
 
 RADII = np.array([0.24, 0.30, 0.23, 0.31])

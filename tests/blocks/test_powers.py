@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from blocks.cube_root import HIGHEST, LOWEST, cube_root, cube_root_within
-from blocks.signed_power import common_root, signed_powers
+from cosim.blocks.cube_root import HIGHEST, LOWEST, cube_root, cube_root_within
+from cosim.blocks.signed_power import common_root, signed_powers
 
 
 def spread(count: int) -> np.ndarray:

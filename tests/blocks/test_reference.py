@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blocks.reference import CircularFormationReference, SineWavePath
+from cosim.blocks.reference import CircularFormationReference, SineWavePath
 
 
 def reference(time: float, angle: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

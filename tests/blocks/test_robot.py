@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from blocks.control_gain import OmnidirectionalGain
-from blocks.robot import OmnidirectionalRobot
-from blocks.uncertainty import Uncertainty
+from cosim.blocks.control_gain import OmnidirectionalGain
+from cosim.blocks.robot import OmnidirectionalRobot
+from cosim.blocks.uncertainty import Uncertainty
 
 MASS, INERTIA, RADIUS = 4.8, 0.15, 0.24
 

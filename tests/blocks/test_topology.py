@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from blocks import cell_grid
-from blocks.adjacency import names_robots, strongly_connected
-from blocks.range_topology import RangeTopology, fading_weight
-from blocks.static_topology import StaticTopology
+from cosim.blocks import cell_grid
+from cosim.blocks.adjacency import names_robots, strongly_connected
+from cosim.blocks.range_topology import RangeTopology, fading_weight
+from cosim.blocks.static_topology import StaticTopology
 
 RING = np.array([[4], [3], [1], [5], [6], [2]], np.int32)
 OTHER_RING = np.array([[2], [3], [6], [5], [1], [4]], np.int32)
