@@ -62,9 +62,9 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
         return fingerprint(function.python) + text
 
     def build() -> Callable[..., int]:
-        from cosim import intrinsics
+        from cosim import arithmetic, intrinsics
 
-        scope: dict[str, Any] = {**vars(intrinsics), "function": function.python}
+        scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": function.python}
         exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)
         return scope["adapter"]
 
@@ -88,7 +88,7 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
         place = f"base, frame[{slot}] + k * frame[{slot + 1}]"
         kind = variable.dtype.name
         if is_scalar(variable, function, argument):
-            lines.append(f"        {argument}_ = load_{kind}({place})")
+            lines.append(f"        {argument}_ = widened(load_{kind}({place}))")
         else:
             sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
             view = f"array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))"

@@ -29,7 +29,13 @@ function           writes
 =================  ==========================================================================================
 
 A scalar that is read comes as a number, one that is written as an array of one element. ``time`` (s) may be named by
-any function. Raising an exception (with constant arguments) in a function stops the run and names the block.
+any function. Raising an exception (with constant arguments) in a function stops the run and names the block, and so
+does an index out of bounds (a negative one counts from the end). What is read cannot be written.
+
+Numbers are float64, int64 and bool, whatever the width in which a variable is stored, and behave alike to the bit
+compiled and interpreted: real numbers as IEEE 754 has them (1/0 is infinite, ``math.sqrt(-1)`` is NaN), integers wrap;
+integer division by zero, and a number that its variable cannot hold, stop the run. What the two could not do alike
+(sums over arrays, new arrays, other functions than ``math``'s) is refused with its line.
 """
 
 from __future__ import annotations

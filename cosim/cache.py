@@ -23,6 +23,7 @@ _FLAGS = sum(getattr(os, name, 0) for name in ("O_BINARY", "O_NOFOLLOW", "O_NONB
 #: The files of this package that say what code a function becomes: `compiler` and `adapters`, and what they import.
 COMPILING = (
     "adapters",
+    "arithmetic",
     "block",
     "bytecode",
     "checks",

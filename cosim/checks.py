@@ -21,7 +21,9 @@ from numba.core import ir as statements
 from numba.core.compiler_machinery import register_pass
 from numba.core.ir_utils import get_definition, guard
 from numba.core.lowering import Lower
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import NativeLowering, NopythonTypeInference
+
+from cosim.arithmetic import Arithmetic, Widening
 
 #: What a function of ours returns when it has left a fault. Functions of numba's library return USEREXC.
 FAULT = callconv.errcode_t(callconv.RETCODE_USEREXC.constant + 1)
@@ -72,7 +74,7 @@ class CallConvention(callconv.CPUCallConv):
 
     def return_fault(self, builder: Any, text: str, first: Any, second: Any) -> None:
         """Write a text with two numbers (``%lld``), and return, or go on where the author catches it."""
-        self._write(builder, text, builder.site, first, second)
+        self._write(builder, text, getattr(builder, "site", None), first, second)
         self._leave(builder)
 
     def return_dynamic_user_exc(
@@ -141,17 +143,27 @@ class Context(cpu.CPUContext):
     def call_conv(self) -> CallConvention:
         return CallConvention(self)
 
+    def compile_subroutine(
+        self, builder: Any, impl: Any, sig: Any, locals: Any = None, flags: Any = None, caching: bool = True
+    ) -> Any:
+        """Compile a function of numba's own, where division of real numbers by zero raises nothing either."""
+        if flags is None:
+            flags = compiler.Flags()
+            flags.nrt, flags.error_model = True, "numpy"
+        return super().compile_subroutine(builder, impl, sig, locals, flags, caching)
 
-class Lowering(Lower):
+
+class Lowering(Arithmetic, Lower):
     """Notes each statement's place, and refuses or checks what numba indexes without a check."""
 
     def lower_inst(self, inst: Any) -> None:
         indexed = _indexed(inst)
-        named = self._name(indexed) if indexed else "an array"
-        self.builder.site = Site(self.func_ir.loc.filename, inst.loc.line, named)
         if not self.func_ir.loc.filename.startswith("<"):
+            named = self._name(indexed) if indexed else "an array"
+            self.builder.site = Site(self.func_ir.loc.filename, inst.loc.line, named)
             if indexed and not isinstance(self.typeof(indexed.name), (types.Array, types.BaseTuple)):
                 raise errors.UnsupportedError(f"{self.typeof(indexed.name)} cannot be indexed", inst.loc)
+            self.check_numbers(inst)
             if isinstance(inst, statements.Assign) and isinstance(inst.value, statements.Expr):
                 self._match_shapes(inst.value)
         super().lower_inst(inst)
@@ -220,12 +232,16 @@ class _Lowering(NativeLowering):
 
 
 class Compiler(compiler.CompilerBase):
-    """numba's passes, with `Lowering` as the last."""
+    """numba's passes, with `Widening` before types are inferred and `Lowering` as the last."""
 
     def define_pipelines(self) -> list[Any]:
         """As of numba."""
         passes = compiler.DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.passes = [(_Lowering if p is NativeLowering else p, text) for p, text in passes.passes]
+        changed: dict[Any, list[Any]] = {
+            NativeLowering: [_Lowering],
+            NopythonTypeInference: [Widening, NopythonTypeInference],
+        }
+        passes.passes = [(p, text) for known, text in passes.passes for p in changed.get(known, [known])]
         passes.finalize()
         return [passes]
 

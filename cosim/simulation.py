@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import engine, faults, floating, hosts, kernels, memory, supervision
+from cosim import engine, faults, floating, hosts, interpreted, kernels, memory, supervision
 from cosim.errors import BlockFailed, CosimError, Diverged, KernelError
 from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
@@ -162,7 +162,8 @@ class Simulation:
         if foreign := self.table.network.slaves[call.slave].declaration.foreign:
             base = self.arena.ctypes.data
             return lambda time: foreign.kernel(time, base, base + call.frame)
-        return _interpreted(self.arena, self.table.calls[n], self._texts, self._causes)
+        compiled = self.table.network.slaves[call.slave].declaration.compiled
+        return _interpreted(self.arena, call, compiled, self._texts, self._causes)
 
     def _build_control(self, functions: np.ndarray) -> None:
         table = self.table
@@ -340,20 +341,25 @@ def _forget(handles: list[int]) -> None:
         memory.interpreted.pop(handle, None)
 
 
-def _interpreted(arena: np.ndarray, call: Call, texts: np.ndarray, causes: list[Exception]) -> Callable[[float], int]:
+def _interpreted(
+    arena: np.ndarray, call: Call, compiled: bool, texts: np.ndarray, causes: list[Exception]
+) -> Callable[[float], int]:
     """The call as plain Python: the author's function over views of the arena, for each instance.
 
-    What it raises is left in the frame, with the text in `texts`, and kept in `causes`.
+    compiled: it computes as compiled functions do. What it raises is left in the frame, with the text in `texts`, and
+    kept in `causes`.
     """
-    arguments = [_views(arena, call, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)]
-    python = call.function.python
+    arguments = [
+        _views(arena, call, compiled, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)
+    ]
+    python = interpreted.function(call.function.python) if compiled else call.function.python
 
     def run(time: float) -> int:
         instance = 0
         try:
             with np.errstate(all="ignore"):
                 for instance in range(call.count):
-                    python(*[time if a is None else a[instance]() for a in arguments])
+                    python(*[np.float64(time) if a is None else a[instance]() for a in arguments])
         except Exception as error:
             faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
             causes.append(error)
@@ -363,14 +369,15 @@ def _interpreted(arena: np.ndarray, call: Call, texts: np.ndarray, causes: list[
     return run
 
 
-def _views(arena: np.ndarray, call: Call, name: str, place: Place | None) -> Any:
+def _views(arena: np.ndarray, call: Call, compiled: bool, name: str, place: Place | None) -> Any:
     """For each instance, what a function gets for an argument: a number for a read scalar, else an array."""
     if place is None:
         return None
     views = [place.view(arena, k) for k in range(call.count)]
     if place.shape == () and name not in call.function.writes:
-        return [(lambda view=view: view[()]) for view in views]
+        return [(lambda view=view: interpreted.number(view[()]) if compiled else view[()]) for view in views]
     arrays = [view.reshape(1) if place.shape == () else view for view in views]
     for array in arrays:
         array.flags.writeable = name in call.function.writes
+    arrays = [array.view(interpreted.Array) for array in arrays] if compiled else arrays
     return [(lambda array=array: array) for array in arrays]

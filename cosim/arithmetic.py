@@ -1,0 +1,299 @@
+"""What compiled numbers may do: float64, int64 and bool, and nothing in silence. `cosim.interpreted` does the same.
+
+Narrower elements are widened when they are read, and have to fit where they are stored. What numba leaves undefined or
+answers with 0 is a fault: integer division by zero, shifts by too much, a NaN made an integer. What Python and the C
+library may answer differently is refused with the author's line.
+"""
+
+from __future__ import annotations
+
+import builtins
+import math
+import operator
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, errors, types
+from numba.core import ir as statements
+from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.postproc import PostProcessor
+from numba.extending import intrinsic
+
+WORD, REAL = ir.IntType(64), ir.DoubleType()
+REPEATED = 0x10000  # the largest exponent for which numba multiplies
+
+_IN_PLACE = {"add", "sub", "mul", "truediv"}
+_UFUNCS = (
+    "add subtract multiply divide true_divide negative positive absolute fabs minimum maximum square sqrt copysign"
+)
+_SCALARS = (
+    "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp expm1 log log2 log10 log1p"
+)
+_ALLOWED: dict[Any, set[str]] = {
+    builtins: set(
+        [
+            "abs",
+            "min",
+            "max",
+            "range",
+            "len",
+            "int",
+            "float",
+            "bool",
+            "round",
+            "enumerate",
+            "zip",
+            "divmod",
+            "isinstance",
+            "tuple",
+            "slice",
+        ]
+    ),
+    math: set(
+        [
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "asinh",
+            "acosh",
+            "atanh",
+            "exp",
+            "expm1",
+            "log",
+            "log2",
+            "log10",
+            "log1p",
+            "sqrt",
+            "fabs",
+            "erf",
+            "erfc",
+            "atan2",
+            "pow",
+            "fmod",
+            "copysign",
+            "gamma",
+            "lgamma",
+            "floor",
+            "ceil",
+            "trunc",
+            "isnan",
+            "isinf",
+            "isfinite",
+        ]
+    ),
+    np: {"float64", "int64", "bool_", "isnan", "isinf", "isfinite", *_UFUNCS.split(), *_SCALARS.split()},
+}
+_KNOWN = {id(getattr(module, name)) for module, names in _ALLOWED.items() for name in names}
+_METHODS = {"fill", "item", "max", "min", "argmax", "argmin", "any", "all", "transpose"}
+
+
+@intrinsic
+def widened(context: Any, value: Any) -> Any:
+    """A number that has been read, as int64 or float64; anything else as it is."""
+    wide = value
+    if isinstance(value, types.Integer) and not isinstance(value, types.Literal):
+        wide = types.int64
+    elif isinstance(value, types.Float):
+        wide = types.float64
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        if value == types.uint64:
+            with cgutils.if_unlikely(builder, builder.icmp_signed("<", arguments[0], WORD(0))):
+                context.call_conv.return_fault(builder, "OverflowError: no 64-bit integer", WORD(0), WORD(0))
+        return context.cast(builder, arguments[0], value, wide)
+
+    return wide(value), generate
+
+
+def _narrow(value: Any) -> bool:
+    """Whether reading an element of a type, or of a constant, could give another number than int64 and float64."""
+    if isinstance(value, (tuple, types.BaseTuple)):
+        return any(_narrow(v) for v in value)  # type: ignore[union-attr]
+    if isinstance(value, types.Array):
+        return _narrow_number(value.dtype)
+    return isinstance(value, np.ndarray) and value.dtype not in (np.float64, np.int64, np.bool_)
+
+
+def _narrow_number(kind: Any) -> bool:
+    return kind not in (types.float64, types.int64, types.boolean)
+
+
+def _globals(function: Any) -> Iterator[Any]:
+    """The constants that a function sees."""
+    for found in function._definitions.values():
+        yield from (d.value for d in found if isinstance(d, (statements.Global, statements.FreeVar)))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class Widening(FunctionPass):
+    """Puts `widened` behind each read of an element."""
+
+    _name = "widening"
+
+    def __init__(self) -> None:
+        FunctionPass.__init__(self)
+
+    def run_pass(self, state: Any) -> bool:
+        """As of numba."""
+        function = state.func_ir
+        if not any(map(_narrow, (*state.args, *_globals(function)))):
+            return False  # which saves a third of the compiler's time
+        for block in function.blocks.values():
+            body: list[Any] = []
+            for inst in block.body:
+                value = getattr(inst, "value", None)
+                if isinstance(value, statements.Expr) and value.op in ("getitem", "static_getitem", "pair_first"):
+                    read, name = (block.scope.make_temp(inst.loc) for _ in range(2))
+                    callee = statements.Global("widened", widened, inst.loc)
+                    call = statements.Expr.call(name, (read,), (), inst.loc)
+                    body += [statements.Assign(value, read, inst.loc), statements.Assign(callee, name, inst.loc)]
+                    body.append(statements.Assign(call, inst.target, inst.loc))
+                    found = function._definitions
+                    found[read.name], found[name.name] = [value], [callee]
+                    found[inst.target.name] = [call if d is value else d for d in found[inst.target.name]]
+                else:
+                    body.append(inst)
+            block.body = body
+        PostProcessor(function).run()
+        return True
+
+
+class Arithmetic:
+    """The part of `cosim.checks.Lowering` that looks at numbers."""
+
+    builder: Any
+    context: Any
+    typeof: Any
+    loadvar: Any
+
+    def check_numbers(self, inst: Any) -> None:
+        """Emit what has to hold before a statement is done, or refuse it."""
+        if isinstance(inst, (statements.SetItem, statements.StaticSetItem)):
+            self._check_store(inst)
+        value = getattr(inst, "value", None)
+        if not isinstance(value, statements.Expr):
+            return
+        if value.op in ("binop", "static_binop", "inplace_binop"):
+            function = value.immutable_fn if value.op == "inplace_binop" else value.fn
+            self._check_operator(function, value.lhs, value.rhs, inst)
+        elif value.op == "call":
+            self._check_call(value, inst)
+        elif value.op == "arrayexpr" or (value.op == "unary" and self._is_array(value.value)):
+            raise errors.UnsupportedError(_ALLOCATES, inst.loc)
+
+    def _is_array(self, operand: Any) -> bool:
+        return isinstance(operand, statements.Var) and isinstance(self.typeof(operand.name), types.Array)
+
+    def _check_operator(self, function: Any, left: Any, right: Any, inst: Any) -> None:
+        if self._is_array(left) or self._is_array(right):
+            if inst.value.op != "inplace_binop" or not self._is_array(left):
+                raise errors.UnsupportedError(_ALLOCATES, inst.loc)
+            if function.__name__ not in _IN_PLACE or not self._real(left) or not self._real(right):
+                raise errors.UnsupportedError("this is done to arrays of float64 only, by + - * /", inst.loc)
+            return
+        if function is operator.pow and self._real(left) and self._whole(right):
+            zero = self.builder.fcmp_ordered("==", self.loadvar(left.name), self._constant(left, 0.0))
+            negative = self.builder.icmp_signed("<", self._word(right), WORD(0))
+            self._fault(self.builder.and_(zero, negative), "ZeroDivisionError: 0.0 to a negative integer power")
+        if not (self._whole(left) and self._whole(right)):
+            return
+        n = self._word(right)
+        zero = self.builder.icmp_signed("==", n, WORD(0))
+        if function in (operator.floordiv, operator.mod):
+            self._fault(zero, "ZeroDivisionError: integer division or modulo by zero")
+            most = self.builder.icmp_signed("==", self._word(left), WORD(-1 << 63))
+            minus = self.builder.icmp_signed("==", n, WORD(-1))
+            self._fault(self.builder.and_(most, minus), "OverflowError: no 64-bit integer")
+        elif function in (operator.lshift, operator.rshift):
+            wrong = self.builder.icmp_unsigned(">=", n, WORD(64))
+            self._fault(wrong, "ValueError: a shift by less than 0 or more than 63 places")
+        elif function is operator.pow:
+            wrong = self.builder.icmp_unsigned(">", n, WORD(REPEATED))
+            self._fault(wrong, f"ValueError: an integer to a power below 0 or above {REPEATED}")
+
+    def _check_call(self, call: Any, inst: Any) -> None:
+        kind = self.typeof(call.func.name)
+        function = getattr(kind, "typing_key", None)
+        if isinstance(kind, types.BoundFunction):
+            name = function[1] if isinstance(function, tuple) else str(function).rpartition(".")[2]
+            if isinstance(kind.this, types.Array) and name not in _METHODS:
+                raise errors.UnsupportedError(f"{name}() of an array: {_LOOP}", inst.loc)
+            return
+        if isinstance(kind, types.NumberClass) and _narrow_number(kind.instance_type):
+            raise errors.UnsupportedError(f"{kind.instance_type}(): {_LOOP}", inst.loc)
+        module = getattr(function, "__module__", None)
+        foreign = isinstance(function, np.ufunc) or module in ("math", "numpy", "builtins", "cmath")
+        if foreign and id(function) not in _KNOWN:
+            raise errors.UnsupportedError(f"{getattr(function, '__name__', function)}(): {_LOOP}", inst.loc)
+        if isinstance(function, np.ufunc) and any(map(self._is_array, call.args)):
+            if function.__name__ not in _UFUNCS.split() or not all(map(self._real, call.args)):
+                raise errors.UnsupportedError(f"{function.__name__}() of arrays: {_LOOP}", inst.loc)
+            if len(call.args) == function.nin:
+                raise errors.UnsupportedError(_ALLOCATES, inst.loc)
+        rounding = function in (int, round, math.floor, math.ceil, math.trunc) and len(call.args) == 1
+        if rounding and isinstance(self.typeof(call.args[0].name), types.Float):
+            self._check_integer(self.loadvar(call.args[0].name))
+        if function is round and self._whole(call.args[0]):
+            raise errors.UnsupportedError("round() of an integer", inst.loc)  # which numba makes a real number first
+        if function is divmod and all(map(self._whole, call.args)):
+            zero = self.builder.icmp_signed("==", self._word(call.args[1]), WORD(0))
+            self._fault(zero, "ZeroDivisionError: integer division or modulo by zero")
+
+    def _check_integer(self, value: Any) -> None:
+        bound = float(1 << 63)
+        above = self.builder.fcmp_ordered(">=", value, REAL(-bound))
+        inside = self.builder.and_(above, self.builder.fcmp_ordered("<", value, REAL(bound)))
+        self._fault(self.builder.not_(inside), "OverflowError: no 64-bit integer")
+
+    def _check_store(self, inst: Any) -> None:
+        array, value = self.typeof(inst.target.name), self.typeof(inst.value.name)
+        if not isinstance(array, types.Array) or isinstance(value, types.Array):
+            return
+        if isinstance(value, types.Float) and not isinstance(array.dtype, types.Float):
+            raise errors.UnsupportedError(f"a real number is put into an array of {array.dtype}", inst.loc)
+        if isinstance(value, types.Integer) and isinstance(array.dtype, types.Integer):
+            self._check_fit(self._word(inst.value), array.dtype)
+
+    def _check_fit(self, value: Any, kind: Any) -> None:
+        least, most = max(int(kind.minval), -1 << 63), min(int(kind.maxval), (1 << 63) - 1)
+        if (least, most) == (-1 << 63, (1 << 63) - 1):
+            return
+        wrong = self.builder.or_(
+            self.builder.icmp_signed("<", value, WORD(least)), self.builder.icmp_signed(">", value, WORD(most))
+        )
+        self._fault(wrong, f"OverflowError: %lld does not fit into {kind}", value)
+
+    def _fault(self, wrong: Any, text: str, first: Any = None) -> None:
+        with cgutils.if_unlikely(self.builder, wrong):
+            self.context.call_conv.return_fault(self.builder, text, WORD(0) if first is None else first, WORD(0))
+
+    def _constant(self, like: Any, value: float) -> Any:
+        return self.context.get_constant(self.typeof(like.name), value)
+
+    def _real(self, operand: Any) -> bool:
+        if not isinstance(operand, statements.Var):
+            return isinstance(operand, float)
+        kind = self.typeof(operand.name)
+        return kind.dtype == types.float64 if isinstance(kind, types.Array) else isinstance(kind, types.Float)
+
+    def _whole(self, operand: Any) -> bool:
+        if not isinstance(operand, statements.Var):
+            return isinstance(operand, int)
+        return isinstance(self.typeof(operand.name), (types.Integer, types.Boolean))
+
+    def _word(self, operand: Any) -> Any:
+        if not isinstance(operand, statements.Var):
+            return WORD(int(operand))
+        return self.context.cast(self.builder, self.loadvar(operand.name), self.typeof(operand.name), types.int64)
+
+
+_ALLOCATES = "its result is a new array, which needs memory: write a loop, or give an array to write to"
+_LOOP = "it may not be the same number in both engines: write a loop with `math`"

@@ -1,0 +1,243 @@
+"""Both engines compute alike, to the bit, or refuse alike: widths, domain errors, what numbers may become."""
+
+import bdb
+import itertools
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from cosim import cli, run, table
+from cosim.simulation import Simulation
+
+REALS = [0.0, -0.0, 1.0, -1.0, 2.5, -2.5, 0.5, 3.0, 1e-310, 1e300, -1e300, 709.0, 1e16, math.pi]
+WHOLE = [0, 1, -1, 2, -7, 63, 2**31, -(2**31), 2**53 + 1, 2**62, 2**63 - 1, -(2**63)]
+
+# Expressions in the reals a, b, the integers i, j (j is not 0), the booleans p, q, and narrow ones.
+REAL = """
+a + b; a - b; a * b; a / b; -a; abs(a); a // b; a % b; a ** b; a ** 0.5; a ** 2; a ** 3; (a or 1.0) ** -1; a ** 7
+a ** (j % 9); a + i; i - a; a * i; i / a; a / i; i / j; i // a; a % i; 2 ** a; (a > b) * a; min(a, b); max(a, b)
+max(a, i); math.sqrt(a); math.log(a); math.log2(a); math.log10(a); math.log1p(a); math.exp(a); math.expm1(a); math.acos(a)
+math.asin(a); math.atan(a); math.atan2(a, b); math.sin(a); math.cos(a); math.tan(a); math.sinh(a); math.cosh(a)
+math.tanh(a); math.asinh(a); math.acosh(a); math.atanh(a); math.erf(a); math.erfc(a)
+math.pow(a, b); math.pow(2.0, a); math.pow(10.0, a); math.pow(a, 2.0); math.pow(a, 0.5); math.fabs(a)
+math.copysign(a, b); np.sin(a); np.exp(a); np.log(a); np.sqrt(a); np.arctan2(a, b); np.abs(a); np.sqrt(abs(i)); 1 / a
+1.0 / (a - a); math.inf - a; a * math.nan; float(i); f32 + f32; -f32; f32 * f32 / 3; f32 + u8; math.sqrt(i)
+a if p else b; ZERO / ZERO; 0.0 / ZERO; 1.0 / ZERO; a * LIST[1] ; round(a / 1e9, 2); divmod(a, b)[0]; divmod(a, b)[1]
+sum_of(a, b, i); default(a); math.pi * a; abs(-a) ** 1.5; (-a) ** b; (a or 1.0) ** i8; 2.0 ** -1074 * a
+""".replace("\n", ";").split(";")
+INTEGER = """
+i + j; i - j; i * j; -i; ~i; abs(i); i & j; i | j; i ^ j; i // (j & 62 | 3); i % (j & 62 | 3);
+i << (j & 63); i >> (j & 63); i8 + i8; i8 * i8; i8 - 1; -i8; u8 - 3; u8 * 300; -u8; ~u8; u8 << 9; i32 * i32; i32 + i32; i32 - 1; -i32; u8 // 7; u8 % 7
+u64 - 9; u64 * 5; -u64; p + q; p - q; -p; p * i; p & q; p | q; p ^ q; (a > b) + (a < b); max(i, j); min(i, j); int(p)
+math.floor(c); math.ceil(c); math.trunc(c); int(c); round(c); i ** 2; i ** 3; (-1) ** (j & 7); 3 ** 4
+divmod(i, j & 62 | 3)[0]; divmod(i, j & 62 | 3)[1]; i + p; i > a; i == a; 2**53 + i; BIG * i; len((a, b)); int(u8) - 5
+i8 % 3; (i < j) == p; a < i; a == b; a != a; i8 // -2; i8 >> 1; bool(a) + 1; bool(i) + 1; math.isnan(a) + 0
+math.isinf(a / b) + 0
+""".replace("\n", ";").split(";")
+REAL, INTEGER = ([e.strip() for e in expressions if e.strip()] for expressions in (REAL, INTEGER))
+
+HEAD = """import math
+import numpy as np
+from cosim import Block, Output, Parameter
+
+ZERO, BIG, LIST = 0.0, 2**61, (1.0, 2.0)
+
+
+def sum_of(a, b, i):
+    total = 0
+    for value in (a, b, a * i):
+        total += value
+    return total
+
+
+def default(x, y=0.0):
+    return x / y
+
+
+def bits(x):
+    return np.float64(x).view(np.int64)
+
+
+class Own(Block):
+    a = Parameter()
+    b = Parameter()
+    c = Parameter()
+    i = Parameter(dtype="int64")
+    j = Parameter(dtype="int64")
+    p = Parameter(dtype=bool)
+    q = Parameter(dtype=bool)
+    n8 = Parameter(1, dtype="int8")
+    w8 = Parameter(dtype="uint8")
+    i32 = Parameter(dtype="int32")
+    w64 = Parameter(dtype="uint64")
+    f = Parameter(1, dtype="float32")
+    y = Output({size}, dtype="int64")
+
+    def outputs(a, b, c, i, j, p, q, n8, w8, i32, w64, f, y):
+        i8, f32, u8, u64 = n8[0], f[0], w8, w64
+"""
+REAL_SOURCES = {f"bits({e})" for e in REAL}
+SOURCES = [*(f"bits({e})" for e in REAL), *INTEGER]
+VALUES = {"n8": [-128, 127, 5, 0, -1], "w8": [0, 255, 7, 100], "i32": [-(2**31), 2**31 - 1, 65537], "p": [0, 1]}
+VALUES |= {"w64": [0, 2**63 - 1, 12], "f": [0.1, 3.5e38, -2.5, 16777216.0], "c": [0.5, -0.5, 1.5, 2.5, -7.9, 1e15]}
+
+
+def run_both(folder, reals, trajectories):
+    """The sources for every pair of some reals, with integers and narrow numbers in turn: (native, interpreted)."""
+    pairs = list(itertools.product(reals, reals))
+    size = len(pairs)
+    turns = {"i": WHOLE, "j": [w or 5 for w in WHOLE[1:]], **VALUES, "q": [0, 0, 1]}
+    lists: dict[str, list] = {name: [values[k % len(values)] for k in range(size)] for name, values in turns.items()}
+    lists |= {"a": [float(a) for a, _ in pairs], "b": [float(b) for _, b in pairs]}
+    lists |= {name: [[v] for v in lists[name]] for name in ("n8", "f")}
+    lists |= {name: [bool(v) for v in lists[name]] for name in ("p", "q")}
+    body = "".join(f"        y[{k}] = {source}\n" for k, source in enumerate(SOURCES))
+    (folder / "own.py").write_text(HEAD.format(size=len(SOURCES)) + body)
+    block = {"python": "own.py:Own", "per": "robot", "parameters": lists}
+    diagram = {"run": {"stop": 0.1, "step": 0.1}, "fleets": {"robot": size}, "blocks": {"b": block}}
+    (folder / "d.yaml").write_text(json.dumps(diagram))
+    network = run.load(folder / "d.yaml")
+    return tuple(trajectories(network, "b.y", engine=engine)["b.y"][0] for engine in ("native", "python"))
+
+
+def assert_equal(native, python, reals):
+    """Equal to the bit; NaN has many bits."""
+    for k, source in enumerate(SOURCES):
+        for member, (one, other) in enumerate(zip(native[:, k], python[:, k], strict=True)):
+            a, b = reals[member // len(reals)], reals[member % len(reals)]
+            nan = source in REAL_SOURCES and np.isnan([one.view(float), other.view(float)]).all()
+            assert one == other or nan, f"{source} for a = {a}, b = {b}: {one} and {other}"
+
+
+def test_special_numbers_are_computed_alike(tmp_path, trajectories):
+    native, python = run_both(tmp_path, REALS, trajectories)
+    assert_equal(native, python, REALS)
+
+
+@pytest.mark.parametrize("scale", [1.0, 30.0])
+def test_other_numbers_are_computed_alike(tmp_path, trajectories, scale):
+    reals = list(np.random.default_rng(5).normal(scale=scale, size=30))
+    native, python = run_both(tmp_path, reals, trajectories)
+    assert_equal(native, python, reals)
+
+
+#: What both engines stop at: (statement, what is said)
+FAULTS = {
+    "y[0] = i // z": "ZeroDivisionError",
+    "y[0] = i % z": "ZeroDivisionError",
+    "y[0] = divmod(i, z)[0]": "ZeroDivisionError",
+    "y[0] = 7 // z": "ZeroDivisionError",
+    "i //= z": "ZeroDivisionError",
+    "y[0] = low // (z - 1)": "OverflowError: no 64-bit integer",
+    "y[0] = i << (z - 1)": "ValueError: a shift by less than 0 or more than 63 places",
+    "y[0] = i >> (z + 64)": "ValueError: a shift by less than 0 or more than 63 places",
+    "y[0] = i ** (z - 1)": "ValueError: an integer to a power below 0",
+    "r[0] = zero ** (z - 1)": "ZeroDivisionError: 0.0 to a negative integer power",
+    "y[0] = int(zero / zero)": "OverflowError: no 64-bit integer",
+    "y[0] = int(1.0 / zero)": "OverflowError: no 64-bit integer",
+    "y[0] = math.floor(math.sqrt(zero - 1.0))": "OverflowError: no 64-bit integer",
+    "y[0] = round(1e19 + zero)": "OverflowError: no 64-bit integer",
+    "small[0] = i + 200": "OverflowError: 207 does not fit into int8",
+    "byte[0] = i - 8": "OverflowError: -1 does not fit into uint8",
+    "y[0] = big": "OverflowError: no 64-bit integer",
+}
+#: What the compiler refuses: (statement, what is said)
+REFUSED = {
+    "y[0] = zero": "a real number is put into an array of int64",
+    "flag[0] = zero": "a real number is put into an array of bool",
+    "r[0] = two.sum()": "sum\\(\\) of an array: it may not be the same number in both engines",
+    "r[0] = np.sum(two)": "sum\\(\\): it may not be the same number",
+    "r[0] = np.mean(two)": "mean\\(\\): it may not be the same number",
+    "np.sin(two, r)": "sin\\(\\) of arrays: it may not be the same number",
+    "r[0] = np.hypot(zero, 1.0)": "hypot\\(\\): it may not be the same number",
+    "r[0] = (two + two)[0]": "its result is a new array",
+    "r[0] = np.sqrt(two)[0]": "its result is a new array",
+    "r //= two": "by \\+ - \\* /",
+    "y += y": "arrays of float64 only",
+    "y[0] = np.int32(i)": "int32\\(\\): it may not be",
+    "raise ValueError(i)": "the arguments of an exception have to be constants",
+}
+SMALL = """import math
+import numpy as np
+from cosim import Block, Output, Parameter
+
+
+class Own(Block):
+    i = Parameter(dtype="int64", default=7)
+    low = Parameter(dtype="int64", default=-(2**63))
+    z = Parameter(dtype="int32", default=0)
+    zero = Parameter(default=0.0)
+    two = Parameter(2, default=(1.0, 2.0))
+    large = Parameter(dtype="uint64", default=2**63)
+    y = Output(2, dtype="int64")
+    r = Output(2)
+    small = Output(dtype="int8")
+    byte = Output(dtype="uint8")
+    flag = Output(dtype=bool)
+
+    def outputs(i, low, z, zero, two, {large}y, r, small, byte, flag):
+        {statement}
+"""
+
+
+@pytest.fixture
+def told(tmp_path, monkeypatch, capsys):
+    """Exit code and all that is said of a block with a statement."""
+
+    def run_it(statement: str, engine: str):
+        monkeypatch.chdir(tmp_path)
+        large = "large, " if "big" in statement else ""
+        text = SMALL.format(statement=statement.replace("big", "large"), large=large)
+        (tmp_path / "own.py").write_text(text)
+        (tmp_path / "d.yaml").write_text("run: {stop: 0.1, step: 0.1}\nblocks:\n  b: {python: 'own.py:Own'}\n")
+        code = cli.main(["run", "d.yaml", "--engine", engine])
+        return code, " ".join(capsys.readouterr().err.split())
+
+    return run_it
+
+
+LINE = SMALL.count("\n")
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("statement", FAULTS)
+def test_what_has_no_answer_is_an_error_in_both_engines(told, engine, statement):
+    code, said = told(statement, engine)
+    assert code == 1 and f"block b: outputs() failed at t = 0 s: {FAULTS[statement]}" in said
+    assert f"own.py:{LINE})" in said or "large" in statement or "big" in statement
+
+
+@pytest.mark.parametrize("statement", REFUSED)
+def test_what_the_engines_cannot_share_is_refused_with_its_line(told, statement):
+    code, said = told(statement, "native")
+    assert code == 2 and re.search(rf"cannot be compiled: .*{REFUSED[statement]}.*own\.py:{LINE}\)", said), said
+
+
+@pytest.mark.parametrize("statement", ["y[0] = zero", "flag[0] = zero", "byte[0] = 3.0"])
+def test_a_real_number_is_no_integer_for_the_interpreted_engine_either(told, statement):
+    code, said = told(statement, "python")
+    assert code == 1 and "TypeError: a real number is put into an array of" in said and f"own.py:{LINE})" in said
+
+
+def test_breakpoints_hold_in_interpreted_functions(tmp_path, monkeypatch):
+    """A debugger finds a line by file and number, of the code object that runs."""
+    (tmp_path / "own.py").write_text(SMALL.format(statement="y[0] = i // 2", large=""))
+    (tmp_path / "d.yaml").write_text("run: {stop: 0.1, step: 0.1}\nblocks:\n  b: {python: 'own.py:Own'}\n")
+    reached = []
+
+    class Debugger(bdb.Bdb):
+        def user_line(self, frame):
+            if self.get_breaks(frame.f_code.co_filename, frame.f_lineno):
+                reached.append((frame.f_lineno, frame.f_locals["i"]))
+            self.set_continue()
+
+    debugger = Debugger()
+    network = run.load(tmp_path / "d.yaml")
+    python = network.slaves["b"].declaration.functions[0].python
+    assert debugger.set_break(python.__code__.co_filename, LINE) is None
+    one = Simulation(table.build(network, "jacobi"), None)
+    debugger.runcall(one.initialize)
+    assert (LINE, 7) in reached
