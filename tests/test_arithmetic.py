@@ -19,8 +19,8 @@ WHOLE = [0, 1, -1, 2, -7, 63, 2**31, -(2**31), 2**53 + 1, 2**62, 2**63 - 1, -(2*
 REAL = """
 a + b; a - b; a * b; a / b; -a; abs(a); a // b; a % b; a ** b; a ** 0.5; a ** 2; a ** 3; (a or 1.0) ** -1; a ** 7
 a ** (j % 9); a + i; i - a; a * i; i / a; a / i; i / j; i // a; a % i; 2 ** a; (a > b) * a; min(a, b); max(a, b)
-max(a, i); math.sqrt(a); math.log(a); math.log2(a); math.log10(a); math.log1p(a); math.exp(a); math.expm1(a); math.acos(a)
-math.asin(a); math.atan(a); math.atan2(a, b); math.sin(a); math.cos(a); math.tan(a); math.sinh(a); math.cosh(a)
+max(a, i); math.sqrt(a); math.log(a); math.log2(a); math.log10(a); math.log1p(a); math.exp(a)
+math.expm1(a); math.acos(a); math.asin(a); math.atan(a); math.atan2(a, b); math.sin(a); math.cos(a); math.tan(a); math.sinh(a); math.cosh(a)
 math.tanh(a); math.asinh(a); math.acosh(a); math.atanh(a); math.erf(a); math.erfc(a)
 math.pow(a, b); math.pow(2.0, a); math.pow(10.0, a); math.pow(a, 2.0); math.pow(a, 0.5); math.fabs(a)
 math.copysign(a, b); np.sin(a); np.exp(a); np.log(a); np.sqrt(a); np.arctan2(a, b); np.abs(a); np.sqrt(abs(i)); 1 / a
@@ -30,7 +30,8 @@ sum_of(a, b, i); default(a); math.pi * a; abs(-a) ** 1.5; (-a) ** b; (a or 1.0) 
 """.replace("\n", ";").split(";")
 INTEGER = """
 i + j; i - j; i * j; -i; ~i; abs(i); i & j; i | j; i ^ j; i // (j & 62 | 3); i % (j & 62 | 3);
-i << (j & 63); i >> (j & 63); i8 + i8; i8 * i8; i8 - 1; -i8; u8 - 3; u8 * 300; -u8; ~u8; u8 << 9; i32 * i32; i32 + i32; i32 - 1; -i32; u8 // 7; u8 % 7
+i << (j & 63); i >> (j & 63)
+i8 + i8; i8 * i8; i8 - 1; -i8; u8 - 3; u8 * 300; -u8; ~u8; u8 << 9; i32 * i32; i32 + i32; i32 - 1; -i32; u8 // 7; u8 % 7
 u64 - 9; u64 * 5; -u64; p + q; p - q; -p; p * i; p & q; p | q; p ^ q; (a > b) + (a < b); max(i, j); min(i, j); int(p)
 math.floor(c); math.ceil(c); math.trunc(c); int(c); round(c); i ** 2; i ** 3; (-1) ** (j & 7); 3 ** 4
 divmod(i, j & 62 | 3)[0]; divmod(i, j & 62 | 3)[1]; i + p; i > a; i == a; 2**53 + i; BIG * i; len((a, b)); int(u8) - 5

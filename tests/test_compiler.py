@@ -10,7 +10,10 @@ HEAD = "from cosim import Block, Input, Output\nimport numpy as np\n\n\n"
 BLOCK = "class Own(Block):\n    u = Input(2, start=1)\n    y = Output(2)\n\n    def outputs(u, y):\n"
 MISTAKES = {
     "a name that is not defined": ("        y[0] = mystery(u[0])\n", r"mystery.*own\.py:9\)"),
-    "an array that is allocated": ("        y[0] = (u + 1.0)[0]\n", "needs `NRT_.*allocates memory"),
+    "an array that is allocated": (
+        "        y[0] = (u + 1.0)[0]\n",
+        r"its result is a new array, which needs memory.*own\.py:9\)",
+    ),
     "a type that the compiler lacks": ("        y[0] = {'a': u}['b'].nothing\n", r"own\.py:10\)"),
 }
 
