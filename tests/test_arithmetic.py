@@ -20,7 +20,8 @@ REAL = """
 a + b; a - b; a * b; a / b; -a; abs(a); a // b; a % b; a ** b; a ** 0.5; a ** 2; a ** 3; (a or 1.0) ** -1; a ** 7
 a ** (j % 9); a + i; i - a; a * i; i / a; a / i; i / j; i // a; a % i; 2 ** a; (a > b) * a; min(a, b); max(a, b)
 max(a, i); math.sqrt(a); math.log(a); math.log2(a); math.log10(a); math.log1p(a); math.exp(a)
-math.expm1(a); math.acos(a); math.asin(a); math.atan(a); math.atan2(a, b); math.sin(a); math.cos(a); math.tan(a); math.sinh(a); math.cosh(a)
+math.expm1(a); math.acos(a)
+math.asin(a); math.atan(a); math.atan2(a, b); math.sin(a); math.cos(a); math.tan(a); math.sinh(a); math.cosh(a)
 math.tanh(a); math.asinh(a); math.acosh(a); math.atanh(a); math.erf(a); math.erfc(a)
 math.pow(a, b); math.pow(2.0, a); math.pow(10.0, a); math.pow(a, 2.0); math.pow(a, 0.5); math.fabs(a)
 math.copysign(a, b); np.sin(a); np.exp(a); np.log(a); np.sqrt(a); np.arctan2(a, b); np.abs(a); np.sqrt(abs(i)); 1 / a

@@ -12,7 +12,7 @@ MISTAKES = {
     "a name that is not defined": ("        y[0] = mystery(u[0])\n", r"mystery.*own\.py:9\)"),
     "an array that is allocated": (
         "        y[0] = (u + 1.0)[0]\n",
-        r"its result is a new array, which needs memory.*own\.py:9\)",
+        r"its result is a new array, which needs memory.*own\.py:10\)",
     ),
     "a type that the compiler lacks": ("        y[0] = {'a': u}['b'].nothing\n", r"own\.py:10\)"),
 }
