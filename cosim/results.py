@@ -141,7 +141,7 @@ class ResultWriter:
     ) -> None:
         """Flush, note how the run ended, and close.
 
-        status: completed, diverged, interrupted or failed. seconds: wall-clock time of each part of the run.
+        status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
         """
         problem = None
         try:

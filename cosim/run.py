@@ -57,12 +57,19 @@ class Outcome:
     results: str | None
     error: CosimError | None = None
     signal: int = 0
+    termination: CosimError | None = None  # who asked for the end, which is one of the warnings too
     events: list[Event] = field(default_factory=list)
     warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
     conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
     swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
+
+    @property
+    def reason(self) -> str:
+        """Why the run ended before its time, or nothing."""
+        ended = self.error or self.termination
+        return ended.message if ended else ""
 
     def as_json(self) -> str:
         """One JSON object; NaN and infinity are null."""
@@ -167,20 +174,12 @@ class Run:
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
+        outcome.termination = termination
         outcome.warnings += [*self.simulation.warnings(), *([termination] if termination else [])]
         outcome.signal = interrupted.number
         if writer:
-            self._close(writer, outcome, error or termination)
+            _close(writer, outcome)
         return outcome
-
-    def _close(self, writer: results.ResultWriter, outcome: Outcome, ended: CosimError | None) -> None:
-        """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
-        message = ended.message if ended else ""
-        try:
-            writer.close(outcome.status, message, outcome.metrics, outcome.steps, outcome.seconds)
-        except ResultError as full:
-            if outcome.error is None:
-                outcome.status, outcome.error = "failed", full
 
     def _solve(
         self, writer: results.ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption
@@ -290,6 +289,15 @@ def _courses(network: Network) -> dict[Signal, Courses]:
     """What the conditions that are judged after the run have to know of it."""
     signals = {signal for _, _, signals in rules.along(network) for signal in signals}
     return {signal: Courses(network.slaves[signal.slave].count) for signal in signals}
+
+
+def _close(writer: results.ResultWriter, outcome: Outcome) -> None:
+    """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
+    try:
+        writer.close(outcome.status, outcome.reason, outcome.metrics, outcome.steps, outcome.seconds)
+    except ResultError as full:
+        if outcome.error is None:
+            outcome.status, outcome.error = "failed", full
 
 
 def _warnings(network: Network) -> list[CosimError]:

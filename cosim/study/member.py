@@ -78,7 +78,7 @@ def _kept(outcome: Outcome) -> Row:
     firsts = {str(e.signal): e.times if isinstance(e.times, float) else e.times[0]["time"] for e in outcome.events}
     return {
         "status": outcome.status,
-        "reason": outcome.error.message if outcome.error else "",
+        "reason": outcome.reason,
         "steps": outcome.steps,
         "seconds": outcome.seconds["solve"],
         "metrics": for_json(outcome.metrics),

@@ -130,3 +130,15 @@ def test_an_end_within_a_step_keeps_the_sample_before_it(diagram, version, mode)
 def test_an_end_at_the_end_is_completion(diagram):
     outcome = Run(run.load(diagram(3, 1, last=4, stop=3), ["blocks.plant.parameters.period=1"])).execute()
     assert (outcome.status, outcome.steps) == ("completed", 10)
+
+
+def test_a_study_says_which_runs_an_fmu_ended(diagram, write, tmp_path):
+    from cosim.study import description, running
+
+    diagram(3, 1, stop=6, last=4)
+    study = description.load(
+        write("{diagram: diagram.yaml, grid: {blocks.plant.parameters.last: [4, 1000]}}", "s.yaml")
+    )
+    rows = list(running.run(study, running.Options(tmp_path / "results")).rows())
+    assert [row["status"] for row in rows] == ["terminated", "completed"]
+    assert "block plant (stair3.fmu, robot 2) ended the simulation at t = 2.1 s" in rows[0]["reason"]
