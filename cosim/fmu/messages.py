@@ -18,12 +18,13 @@ RING_BYTES = FIRST_BYTES + TEXT_BYTES + ENTRIES * ENTRY_BYTES
 STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 # Both loggers claim an entry of the ring at %ring, which is the instance environment, and write status and text there.
-# The first warning's text is kept.
+# The first warning's text is kept. What an FMU says without an environment is lost, and no text is an empty one.
 _IR = """
 declare void @llvm.va_start(ptr)
 declare void @llvm.va_end(ptr)
 declare i32 @vsnprintf(ptr, i64, ptr, ptr)
 declare ptr @strncpy(ptr, ptr, i64)
+@nothing = internal constant [1 x i8] zeroinitializer
 
 define internal ptr @claim(ptr %ring, i32 %status) {{
   %count = atomicrmw add ptr %ring, i64 1 seq_cst
@@ -53,21 +54,39 @@ done:
   ret void
 }}
 
-define void @log2(ptr %ring, ptr %name, i32 %status, ptr %category, ptr %format, ...) {{
+define internal ptr @safe(ptr %text) {{
+  %missing = icmp eq ptr %text, null
+  %safe = select i1 %missing, ptr @nothing, ptr %text
+  ret ptr %safe
+}}
+
+define void @log2(ptr %ring, ptr %name, i32 %status, ptr %category, ptr %given_format, ...) {{
   %list = alloca [32 x i8], align 16
+  %lost = icmp eq ptr %ring, null
+  br i1 %lost, label %done, label %heard
+heard:
+  %format = call ptr @safe(ptr %given_format)
   %text = call ptr @claim(ptr %ring, i32 %status)
   call void @llvm.va_start(ptr %list)
   {load}
   %n = call i32 @vsnprintf(ptr %text, i64 {size}, ptr %format, ptr {arguments})
   call void @llvm.va_end(ptr %list)
   call void @keep(ptr %ring, i32 %status, ptr %text)
+  br label %done
+done:
   ret void
 }}
 
-define void @log3(ptr %ring, i32 %status, ptr %category, ptr %message) {{
+define void @log3(ptr %ring, i32 %status, ptr %category, ptr %given_message) {{
+  %lost = icmp eq ptr %ring, null
+  br i1 %lost, label %done, label %heard
+heard:
+  %message = call ptr @safe(ptr %given_message)
   %text = call ptr @claim(ptr %ring, i32 %status)
   %copied = call ptr @strncpy(ptr %text, ptr %message, i64 {last})
   call void @keep(ptr %ring, i32 %status, ptr %text)
+  br label %done
+done:
   ret void
 }}
 """

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from cosim import floating, results, run, supervision
+from cosim.fmu import messages
 from cosim.fmu.export import export
 from cosim.run import Run
 from tests.fmu import guest
@@ -150,6 +151,20 @@ def test_a_guest_whose_threads_talk(outcome):
     assert np.array_equal(neighbour, expected())
     told = [w.message for w in ended.warnings if "logged" in w.message]
     assert told == ["block guest (guest2.fmu): 12000 warnings logged\n    it says first: said by a thread"]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_logger_that_is_called_without_a_text_or_an_environment(version):
+    ring = np.zeros(messages.RING_BYTES, np.uint8)
+    heard, null = messages.Messages(ring), ctypes.c_void_p()
+    kinds = (ctypes.c_void_p, *[ctypes.c_char_p] * (version == 2), ctypes.c_int, ctypes.c_char_p, ctypes.c_char_p)
+    log = ctypes.CFUNCTYPE(None, *kinds)(messages.logger(version))
+    name = (b"one",) * (version == 2)
+    log(null, *name, 1, b"logAll", b"lost")
+    log(heard.environment, *name, 1, None, None)
+    log(heard.environment, *name, 3, b"logAll", b"wrong")
+    assert heard.last() == ["warning: ", "error: wrong"]
+    assert (heard.warnings, heard.first_warning) == (1, "")
 
 
 def test_a_guest_of_many_words_is_cut_short(outcome):
