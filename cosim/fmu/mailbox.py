@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.fmu.layout import LINK, PLAN
 from cosim.memory import call, invoke, load, pause, reals_at, shared, store, words_at
 
 OK, WARNING = 0, 1
@@ -38,7 +39,7 @@ STOP = -1
 
 # What `remote` finds behind its frame's third word: servers, which of them failed last, and their mailboxes' addresses.
 SERVERS, FAILED, BOXES = 0, 1, 2
-LINK, PLAN, FRAME_WORDS = 2, 3, 4  # words of a frame, as of `cosim.fmu.adapter`; PLAN is the call's number here
+FRAME_WORDS = PLAN + 1  # of a frame, as of `cosim.fmu.layout`; PLAN is the number of the call here
 
 _SLEEP_SECONDS = 0.1
 _SPINNING, _LEAST = 300, 8  # pauses of some 40 ns
