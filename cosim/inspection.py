@@ -12,9 +12,10 @@ from cosim.errors import Position
 from cosim.network import Network, Slave
 from cosim.run import reduced
 from cosim.source import Node
-from cosim.terminal import print_warnings
+from cosim.terminal import TIED, print_rows, print_warnings, print_wrapped
 
 VERDICTS = {True: "holds", False: "FAILS", None: "open "}
+TEXT_COLUMN = 9
 
 
 def print_network(network: Network) -> None:
@@ -28,24 +29,26 @@ def print_network(network: Network) -> None:
         print(swap)
     if network.swaps:
         print()
-    _rows([_slave_row(network, slave) for slave in network.slaves.values()])
+    print_rows([_slave_row(network, slave) for slave in network.slaves.values()])
     shown = [f"{t.slave}.{t.function}" for t in tasks if t.function]
-    print(f"\nevaluated in this order: {', '.join(shown)}")
+    print()
+    print_wrapped(f"evaluated in this order: {', '.join(shown)}", 2)
     findings = [*network.findings, *rules.conditions(network)]
     along = rules.along(network)
     if findings or along:
         print("\nconditions:")
     for finding in findings:
-        print(f"  {VERDICTS[finding.holds]}  {finding.summary}")
+        print_wrapped(f"  {VERDICTS[finding.holds]}  {finding.summary}", TEXT_COLUMN)
     for slave, rule, _ in along:
-        print(f"  run    {slave.name}: {rule.source or 'condition'}, {rule.text}: `cosim run` judges it")
+        said = f"{slave.name}: {rule.source or 'condition'}, {rule.text}: `cosim run` judges it"
+        print_wrapped(f"  run    {said}", TEXT_COLUMN)
     sys.stdout.flush()
     broken = [rules.as_warning(network, finding) for finding in findings if finding.holds is False]
     print_warnings([*warnings, *broken])
 
 
 def _slave_row(network: Network, slave: Slave) -> list[str]:
-    wires = [f"{port} ← {', '.join(map(str, sources))}" for port, sources in slave.wires.items()]
+    wires = [f"{port}{TIED}←{TIED}{', '.join(map(str, sources))}" for port, sources in slave.wires.items()]
     count = f"{slave.count} × {slave.declaration.name}" if slave.fleet else slave.declaration.name
     return [slave.name, count, "; ".join(wires)]
 
@@ -54,7 +57,7 @@ def print_blocks(name: str | None) -> None:
     """All blocks with a line each, or everything about one. Raises: UnknownBlock."""
     if name is None:
         blocks = library.all_blocks()
-        _rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
+        print_rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
         print("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
         return
     declaration = _block(name).declaration
@@ -68,11 +71,11 @@ def print_blocks(name: str | None) -> None:
         variables = [v for v in declaration.variables.values() if v.causality == causality]
         if variables:
             print(f"{title}:")
-            _rows([_variable_row(declaration, v) for v in variables], indent="  ")
+            print_rows([_variable_row(declaration, v) for v in variables], indent="  ")
             print()
     if declaration.dimensions:
         print("dimensions:")
-        _rows([[n, f"default {d.default}", d.description] for n, d in declaration.dimensions.items()], indent="  ")
+        print_rows([[n, f"default {d.default}", d.description] for n, d in declaration.dimensions.items()], indent="  ")
         print()
     for rule in declaration.rules:
         print(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
@@ -113,10 +116,3 @@ def _feedthrough(declaration: Declaration, variable: Variable) -> str:
 
 def _first_line(declaration: Declaration) -> str:
     return re.split(r"\n\s*\n", declaration.doc)[0].replace("\n", " ") if declaration.doc else ""
-
-
-def _rows(rows: list[list[str]], indent: str = "") -> None:
-    """Print rows in columns."""
-    widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]))] if rows else []
-    for row in rows:
-        print((indent + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))).rstrip())

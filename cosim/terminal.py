@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
+import re
+import shutil
 import sys
+import textwrap
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -14,9 +19,19 @@ from cosim.metrics import for_json
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
     from rich.text import Text
 
 EVENTS_SHOWN = 8
+LIST_WIDTH = 26
+MOST_DIGITS = 10**9
+VISIBLE_CHANGE = 5e-5
+"""Four digits show a relative change from here on, if not always."""
+NARROWEST = 24
+"""Characters that a column of words needs to be worth one."""
+UNLIMITED = 10_000
+TIED = "\N{NO-BREAK SPACE}"
+"""A space at which no line ends; `print_wrapped` prints it as any other."""
 ELEMENTS_SHOWN = 6
 PATIENCE = 0.3
 """Seconds of wall-clock time that pass before a progress bar appears: a short run is not worth one."""
@@ -30,30 +45,81 @@ def metrics_table(
     windows: Mapping[str, str] | None = None,
     file: IO[str] | None = None,
 ) -> None:
-    """Print a run's metrics to standard output, or to `file`.
+    """Print a run's metrics to standard output, or to `file`; names, numbers and units stay in one piece.
 
     previous: those of the run before, to be compared with. units, windows: by metric, as text; `str(reduction)` is
     such a window.
     """
+    console = _console(file or sys.stdout)
+    columns = ["metric", "value", "unit", *(["previous", "change"] if previous is not None else []), "reduction"]
+    rows = []
+    for name, value in metrics.items():
+        cells = [name, _lines(format_value(value)), "" if isinstance(value, list) else (units or {}).get(name, "")]
+        if previous is not None:
+            before = _lines(format_value(previous[name])) if name in previous else ""
+            cells += [before, format_change(value, previous, name)]
+        rows.append([*cells, (windows or {}).get(name, "")])
+    table = _table(console, columns, rows)
+    if natural_width(table, console) > (line_width(console.file) or UNLIMITED):
+        table = _table(console, columns, [[*row[:-1], row[-1].replace(", ", ",\n")] for row in rows])
+    print_table(table, console)
+
+
+def _table(console: Console, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    console = _console(file or sys.stdout)
+    styles = {"metric": "bold", "previous": "dim", "reduction": "dim"}
     table = Table(box=None if _ascii_only(console) else SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    table.add_column("metric", style="bold", overflow="fold")
-    table.add_column("value", justify="right", overflow="fold")
-    table.add_column("unit", overflow="fold")
-    if previous is not None:
-        table.add_column("previous", justify="right", overflow="fold", style="dim")
-        table.add_column("change", justify="right", no_wrap=True)
-    table.add_column("reduction", overflow="fold", style="dim")
-    for name, value in metrics.items():
-        unit = "" if isinstance(value, list) else (units or {}).get(name, "")
-        cells = [name, format_value(value), unit]
-        if previous is not None:
-            cells += [format_value(previous[name]) if name in previous else "", format_change(value, previous, name)]
-        table.add_row(*(_text(console, (cell, "")) for cell in [*cells, (windows or {}).get(name, "")]))
+    for name in columns:
+        right = name in ("value", "previous", "change")
+        table.add_column(name, justify="right" if right else "left", no_wrap=True, style=styles.get(name, ""))
+    for row in rows:
+        table.add_row(*(_text(console, (cell, "")) for cell in row))
+    return table
+
+
+def natural_width(table: Table, console: Console) -> int:
+    """How many characters a rich table takes where nothing is broken or cut."""
+    return console.measure(table, options=console.options.update(width=UNLIMITED)).maximum
+
+
+def print_table(table: Table, console: Console) -> None:
+    """Print a rich table whole: where the terminal is too narrow, the lines run on."""
+    console.width = max(natural_width(table, console), console.width)
     console.print(table)
+
+
+def line_width(file: IO[str]) -> int | None:
+    """How many characters fit on a line; None for a file or a pipe, unless $COLUMNS says."""
+    if (said := os.environ.get("COLUMNS", "")).isdecimal() and int(said):
+        return int(said)
+    return shutil.get_terminal_size().columns if file.isatty() else None
+
+
+def print_rows(rows: Sequence[Sequence[str]], indent: str = "", file: IO[str] | None = None) -> None:
+    """Print rows in columns; the last one is broken between words where the line ends."""
+    widths = [max(len(row[c]) for row in rows) for c in range(len(rows[0]) - 1)] if rows else []
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths, strict=True)]
+        begin = indent + "".join(f"{cell}  " for cell in cells)
+        print_wrapped(begin + row[-1], len(begin), file)
+
+
+def print_wrapped(text: str, hanging: int, file: IO[str] | None = None) -> None:
+    """Print a text, broken between words where the line ends; further lines are indented. TIED keeps words together."""
+    file = file or sys.stdout
+    width = line_width(file)
+    if width and len(text) > width:
+        begin, rest = text[:hanging], text[hanging:]
+        if width - hanging < NARROWEST:
+            hanging = min(hanging, 4)
+        lines = textwrap.wrap(rest, width - hanging, break_long_words=False, break_on_hyphens=False)
+        if hanging == len(begin):
+            text = begin + f"\n{' ' * hanging}".join(lines)
+        else:
+            text = begin.rstrip() + "".join(f"\n{' ' * hanging}{line}" for line in lines)
+    print(text.rstrip().replace(TIED, " "), file=file)
 
 
 def format_value(value: Any) -> str:
@@ -64,6 +130,8 @@ def format_value(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:#.4g}".removesuffix(".")
+    if isinstance(value, int):
+        return str(value) if abs(value) < MOST_DIGITS else f"{Decimal(value):.3e}"
     if not isinstance(value, list):
         return str(value)
     if value and isinstance(value[0], Mapping):
@@ -75,18 +143,30 @@ def format_value(value: Any) -> str:
 
 
 def format_change(value: Any, previous: Mapping[str, Any], name: str) -> str:
-    """What changed since the previous run: `same`, `new`, per cent, a factor from 10 on, or just `changed`."""
+    """What changed since the previous run: `same`, `new`, per cent, a factor from 10 on, or just `changed`.
+
+    Nothing, where it is a change of digits that the figures do not show.
+    """
     if name not in previous:
         return "new"
     before = previous[name]
-    if for_json(value) == before:  # which comes from a file
+    if for_json(value) == for_json(before):  # one of which comes from a file
         return "same"
     if not (_is_number(value) and _is_number(before) and before):
         return "changed"
-    change = (value - before) / abs(before)
+    try:
+        change = (value - before) / abs(before)
+    except OverflowError:
+        return "changed"
+    if not math.isfinite(change):
+        return "changed"
+    rounded = isinstance(value, float) or abs(value) >= MOST_DIGITS
+    if rounded and (abs(change) < VISIBLE_CHANGE or format_value(value) == format_value(before)):
+        return ""
     if change >= 9 and before > 0:
         return f"× {value / before:.3g}"
-    return f"{100 * change:+.1f} %" if abs(change) >= 0.001 else f"{100 * change:+.0e} %"
+    per_cent = 100 * change
+    return f"{per_cent:+.1f} %" if 0.1 <= abs(per_cent) < 1e5 else f"{per_cent:+.2g} %"
 
 
 class Progress:
@@ -194,6 +274,18 @@ def _format_event(event: Mapping[str, Any]) -> str:
     who = "–".join(str(member) for member in event["pair"]) if "pair" in event else str(event["member"])
     when = event["time"]
     return f"{who} at {when:.3g} s" if 0 < when < 0.1 else f"{who} at {when:.2f} s"
+
+
+def _lines(text: str) -> str:
+    """A list on several lines, broken between its elements."""
+    if not text.startswith("["):
+        return text
+    lines = [""]
+    for part in re.split(r"(?<=, )", text):
+        if lines[-1] and len(lines[-1]) + len(part.rstrip()) > LIST_WIDTH:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def _is_number(value: Any) -> bool:

@@ -11,13 +11,16 @@ import pytest
 from cosim import terminal
 from cosim.errors import DiagramErrors, MissingFile, Position, RuleViolation, UnknownParameter, WrongType
 from cosim.terminal import (
+    TIED,
     Progress,
     format_change,
     format_duration,
     format_value,
     metrics_table,
     print_errors,
+    print_rows,
     print_warnings,
+    print_wrapped,
 )
 
 METRICS = {
@@ -93,11 +96,61 @@ def test_table_in_ascii():
     assert "1-6 at 2.35 s" in lines[4] and "x 510" in lines[1]
 
 
-def test_table_fits_into_80_columns_whatever_it_shows():
-    long = {"a_metric_with_quite_a_long_name" * 2: [0.123456] * 6, "b": 1.0, "c": [{"member": 3, "time": 1e-3}] * 20}
-    lines = table(long, long, dict.fromkeys(long, "kg.m2/s3"), dict.fromkeys(long, "max, 10.5–20.25 s"))
-    assert max(map(len, lines)) <= 80
-    assert any("and 12 more" in line for line in lines)
+WIDE = {
+    "a_metric_with_quite_a_long_name" * 2: [0.123456] * 6,
+    "huge": 10**150,
+    "small": -1.234567e-305,
+    "matrix": [[1e300, -1.2e-7, 3.0]] * 3,
+    "c": [{"member": 3, "time": 1e-3}] * 20,
+}
+
+
+def test_names_numbers_and_units_are_in_one_piece_however_narrow_the_terminal():
+    lines = table(WIDE, WIDE, dict.fromkeys(WIDE, "kg.m2/s3"), dict.fromkeys(WIDE, "max, 10.5–20.25 s"))
+    text = "\n".join(lines)
+    for name in WIDE:
+        assert any(line.startswith(f"{name} ") for line in lines)
+    row = next(line for line in lines if line.startswith("huge"))
+    assert row.split() == ["huge", "1.000e+150", "kg.m2/s3", "1.000e+150", "same", "max,"]
+    for whole in ("-1.235e-305", "[[1.000e+300, -1.200e-07,", "3.000]]", "10.5–20.25 s", "and 12 more"):
+        assert whole in text
+    assert "…" not in text
+
+
+def test_a_table_of_usual_width_fits_into_80_columns_and_a_pipe_takes_lines_of_any_length(monkeypatch):
+    shown = {"largest_error": 1e300, "gap": -1e-300}
+    arguments = (
+        shown,
+        {"largest_error": 1.0, "gap": 1.0},
+        dict.fromkeys(shown, "kg.m2/s3"),
+        dict.fromkeys(shown, "mean, 10.5–20.25 s"),
+    )
+    lines = table(*arguments)
+    assert max(map(len, lines)) <= 80 and lines[2].endswith("mean,") and lines[3].split() == ["10.5–20.25", "s"]
+    monkeypatch.delenv("COLUMNS")
+    lines = table(*arguments)
+    assert len(lines) == 4 and lines[2].endswith("mean, 10.5–20.25 s")
+
+
+def test_words_are_broken_between_words_and_rows_stay_columns():
+    rows = [["plant", "3 × Robot", f"u{TIED}←{TIED}controller.u; " * 5 + "w"], ["b", "Lag", "y" * 90]]
+    file = io.StringIO()
+    print_rows(rows, "  ", file)
+    *wrapped, long = file.getvalue().splitlines()
+    assert max(map(len, wrapped)) <= 80 and len(wrapped) == 2
+    assert wrapped[0].startswith("  plant  3 × Robot  u ← controller.u; u") and wrapped[1].startswith(" " * 20 + "u ← ")
+    assert all(not line.endswith("←") for line in wrapped)
+    assert long.split() == ["b", "Lag", "y" * 90]
+
+
+def test_a_narrow_column_of_words_goes_below_and_a_pipe_breaks_nothing(monkeypatch):
+    file = io.StringIO()
+    print_rows([["x" * 70, "some words that belong to it"]], "", file)
+    assert file.getvalue() == f"{'x' * 70}\n    some words that belong to it\n"
+    monkeypatch.delenv("COLUMNS")
+    file = io.StringIO()
+    print_wrapped("word " * 100, 4, file)
+    assert file.getvalue() == "word " * 99 + "word\n"
 
 
 @pytest.mark.parametrize(
@@ -109,6 +162,10 @@ def test_table_fits_into_80_columns_whatever_it_shows():
         (-2e8, "-2.000e+08"),
         (0.0, "0.000"),
         (30000, "30000"),
+        (999_999_999, "999999999"),
+        (-(10**150), "-1.000e+150"),
+        (10**400, "1.000e+400"),
+        (1.234e150, "1.234e+150"),
         (True, "yes"),
         (None, "—"),
         (float("nan"), "nan"),
@@ -132,7 +189,17 @@ def test_values(value, text):
         (1.1, 1.0, "+10.0 %"),
         (-1.1, -1.0, "-10.0 %"),
         (0.5, -1.0, "+150.0 %"),
-        (1.0 + 1e-6, 1.0, "+1e-04 %"),
+        (1.0 + 1e-14, 1.0, ""),
+        (1.0 + 1e-6, 1.0, ""),
+        (1.0 + 4e-4, 1.0, ""),  # both are shown as 1.000
+        (1.0 + 6e-4, 1.0, "+0.06 %"),
+        (0.99999, 1.0, ""),
+        (30000, 30001, "-0.0033 %"),  # whole numbers show all digits
+        (30000, 30003, "-0.01 %"),
+        (-1e300, 1.0, "-1e+302 %"),
+        (1e300, 1e-300, "changed"),
+        (10**400, 10, "changed"),
+        (float("inf"), 1.0, "changed"),
         (50.0, 1.0, "× 50"),
         (5.0, -0.1, "+5100.0 %"),
         (1.0, 0.0, "changed"),

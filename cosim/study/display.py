@@ -8,7 +8,7 @@ import time
 from typing import IO, Any
 
 from cosim.study.tables import Table
-from cosim.terminal import PATIENCE, format_duration
+from cosim.terminal import PATIENCE, format_duration, print_table
 
 
 def show(table: Table, file: IO[str] | None = None) -> None:
@@ -24,10 +24,10 @@ def show(table: Table, file: IO[str] | None = None) -> None:
     )
     labels = len(table.head) - len(table.values[0]) if table.values else 1
     for k, name in enumerate(table.head):
-        made.add_column(name, justify="left" if k < labels else "right", overflow="fold")
+        made.add_column(name, justify="left" if k < labels else "right", no_wrap=True)
     for row in table.rows:
         made.add_row(*row)
-    console.print(made)
+    print_table(made, console)
     for note in table.notes:
         console.print(note)
 
