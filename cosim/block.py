@@ -58,14 +58,22 @@ class Variable:
     """One declared quantity of a block.
 
     shape: sizes or names of dimensions, () for a scalar. unit: one for all elements, or one for each element of the
-    first axis, or None where the block does not care. dtype: any numpy number type or bool.
+    first axis, or None where the block does not care. dtype: any numpy number type or bool. finite: a run in which it
+    becomes NaN, infinite or as large as `cosim.engine.LIMIT` has diverged; False for what means something by NaN or
+    infinity, such as a table of events or the distance to nobody.
     """
 
     causality: ClassVar[str]
     any_integer = False  # whether it takes the integer type of the port at the other end, as FMI 2's one type does
 
     def __init__(
-        self, *shape: int | str, unit: Unit = None, description: str = "", dtype: Any = float, start: Any = None
+        self,
+        *shape: int | str,
+        unit: Unit = None,
+        description: str = "",
+        dtype: Any = float,
+        start: Any = None,
+        finite: bool = True,
     ) -> None:
         self.name = ""
         self.shape = shape
@@ -73,6 +81,7 @@ class Variable:
         self.description = description
         self.dtype = np.dtype(dtype)
         self.start = start
+        self.finite = finite
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name

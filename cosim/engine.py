@@ -2,7 +2,8 @@
 
 One source, two engines: compiled by `cosim.compiler` it calls kernels by address; as plain Python it calls the authors'
 functions (see `cosim.memory`). Nothing here allocates, takes a lock, or returns before the steps asked for are done,
-a call's status is worse than a warning, or a state is not finite. Time is an integer count of steps.
+a buffer of probes is full, somebody wants it to stop, a call's status is worse than a warning, or a published value is
+not finite. Time is an integer count of steps.
 
 All tables are rows of 64-bit words. `base` is the arena's address, offsets in the tables are bytes from it.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.memory import call, reals_at, words_at
+from cosim.memory import call, integers_at, load, reals_at, words_at
 
 # Status of a call and of a run: FMI's, and one more.
 OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
@@ -28,9 +29,9 @@ BANK_WORDS = 9
 BEGIN, END, IN_PLACE, METHOD, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END = range(9)
 EULER, RK4 = range(2)
 
-# A group of probes that are copied to a buffer every so many steps: [step, probed words…] a row.
-GROUP_WORDS = 6
-GROUP_EVERY, PROBES_BEGIN, PROBES_END, ROW_WORDS, FILLED, BUFFER = range(6)
+# A group of probes that are copied to a buffer every so many steps: [step, probed words…] a row, CAPACITY rows at most.
+GROUP_WORDS = 7
+GROUP_EVERY, PROBES_BEGIN, PROBES_END, ROW_WORDS, FILLED, BUFFER, CAPACITY = range(7)
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
@@ -54,42 +55,67 @@ CONTROL_WORDS = 32
     BETWEEN_END,
     STEP,  # the step that is being done; the caller sets the first
     LAST,  # the step before which to stop
-    FINAL,  # whether to evaluate and probe at LAST too
+    FINAL,  # whether to evaluate and probe at LAST too; 0 once that is done
     AT,  # the operation that is being done
-    ELEMENT,  # the state that is not finite
+    ELEMENT,  # the offset of the value that is not finite
     WARNINGS,  # how many calls returned a warning
     ORIGIN_STEP,  # the step at which the time is ORIGIN
     ORIGIN,  # a float64 (s)
-    ENDING,  # whether to do no step after this communication point; a foreign block may set it
-) = range(25)
+    ENDING,  # not 0 if no step is to be done after the next communication point, a foreign block may say; then ENDED
+    PUBLISHED,  # float64 numbers that have to be finite at every communication point, besides the states
+    N_PUBLISHED,
+    PUBLISHED32,  # and float32 numbers
+    N_PUBLISHED32,
+    STOP,  # whether somebody wants the loop to return before its next step
+) = range(30)
 
+ENDED = 2
+LIMIT = 2.0**332
+"""From this magnitude on (about 1e100) a value has diverged: no quantity is as large, and its fourth power overflows."""
 _EXPONENT = 0x7FF0000000000000
+_LIMIT = (1023 + 332) << 52  # the exponent of LIMIT
+_EXPONENT32 = 0x7F800000
 
 
 def run(step: float, base: int, control: int) -> int:
-    """Do the steps STEP … LAST-1 of the control block; step: communication step (s). Returns the status."""
+    """Do the steps STEP … LAST-1 of the control block; step: communication step (s). Returns the status.
+
+    It returns early, with OK and STEP < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
+    """
     c = words_at(control, CONTROL_WORDS)
     while c[STEP] < c[LAST]:
         k = c[STEP]
+        if load(control + STOP * 8) != 0 or not has_room(c, k):
+            return OK
         time = time_at(c, control, k, step)
-        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, time)
+        status = reach(c, base, k, time)
         if status > WARNING:
             return status
-        probe(c, base, k)
         if c[ENDING] != 0:
+            c[ENDING] = ENDED
             return OK
         status = advance(c, base, k, time, time_at(c, control, k + 1, step), step)
         if status > WARNING:
             return status
         c[STEP] = k + 1
-        if not is_finite(c, base):
+        if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
-    if c[FINAL] != 0:
-        time = time_at(c, control, c[STEP], step)
-        status = operate(c, base, c[POINT_BEGIN], c[POINT_END], c[STEP], time, time)
+    if c[FINAL] != 0 and has_room(c, c[STEP]):
+        status = reach(c, base, c[STEP], time_at(c, control, c[STEP], step))
         if status > WARNING:
             return status
-        probe(c, base, c[STEP])
+        c[FINAL] = 0
+    return OK
+
+
+def reach(c: Any, base: int, k: int, time: float) -> int:
+    """Be at the communication point k: evaluate what is published there, and probe it. Returns the status."""
+    status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, time)
+    if status > WARNING:
+        return status
+    if not is_sound(c, base):
+        return NON_FINITE
+    probe(c, base, k)
     return OK
 
 
@@ -101,7 +127,10 @@ def time_at(c: Any, control: int, k: int, step: float) -> float:
 def execute(time: float, base: int, control: int) -> int:
     """Do the operations POINT_BEGIN … POINT_END-1 once, at a time (s); for the initialization. Returns the status."""
     c = words_at(control, CONTROL_WORDS)
-    return operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, time)
+    status = operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, time)
+    if status > WARNING or is_sound(c, base):
+        return status
+    return NON_FINITE
 
 
 def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
@@ -200,8 +229,17 @@ def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, t
     return OK
 
 
+def has_room(c: Any, k: int) -> bool:
+    """Whether every group of probes that is due at step k has room for another row."""
+    for g in range(c[N_GROUPS]):
+        group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
+        if group[FILLED] >= group[CAPACITY] and k % group[GROUP_EVERY] == 0:
+            return False
+    return True
+
+
 def probe(c: Any, base: int, k: int) -> None:
-    """Copy the probed signals of every group that is due at step k to its buffer."""
+    """Copy the probed signals of every group that is due at step k to its buffer, where `has_room` is true."""
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every = group[GROUP_EVERY]
@@ -227,17 +265,29 @@ def copy(to: int, source: int, n: int) -> None:
         there[j] = here[j]
 
 
-def is_finite(c: Any, base: int) -> bool:
-    """Whether all published states are finite; else ELEMENT names the first that is not."""
-    n = c[STATES]
-    bits = words_at(base + c[X], n)
-    below = -1  # its sign stays as long as every exponent is below that of infinity and NaN
+def is_sound(c: Any, base: int) -> bool:
+    """Whether all that is published besides the continuous states is finite; else ELEMENT says what is not."""
+    if not are_finite(c, base, c[PUBLISHED], c[N_PUBLISHED]):
+        return False
+    n = c[N_PUBLISHED32]
+    bits = integers_at(base + c[PUBLISHED32], n)
     for j in range(n):
-        below &= (bits[j] & _EXPONENT) - _EXPONENT
+        if (bits[j] & _EXPONENT32) == _EXPONENT32:
+            c[ELEMENT] = c[PUBLISHED32] + 4 * j
+            return False
+    return True
+
+
+def are_finite(c: Any, base: int, offset: int, n: int) -> bool:
+    """Whether n float64 numbers are finite and below LIMIT; else ELEMENT is the offset of the first that is not."""
+    bits = words_at(base + offset, n)
+    below = -1  # its sign stays as long as every exponent is below that of the limit
+    for j in range(n):
+        below &= (bits[j] & _EXPONENT) - _LIMIT
     if below < 0:
         return True
     for j in range(n):
-        if (bits[j] & _EXPONENT) == _EXPONENT:
-            c[ELEMENT] = j
+        if (bits[j] & _EXPONENT) >= _LIMIT:
+            c[ELEMENT] = offset + 8 * j
             return False
     return True

@@ -1,7 +1,8 @@
 """Where the loop and the foreign blocks of one run live: in this process, or in forked ones that it survives.
 
 =====================  =========================================================================
-this process           all of it, where nothing is foreign, or where there is no fork
+this process           all of it, where nothing is foreign, or where there is no fork; compiled, the loop has a
+                       thread of its own there
 the engine's process   the loop, and foreign blocks that are called by address
 servers                isolated foreign blocks, which the loop calls through shared memory
 =====================  =========================================================================
@@ -11,7 +12,7 @@ All memory of a run that has forked processes is shared, so that after a crash i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -20,8 +21,9 @@ import numpy as np
 
 from cosim import engine
 from cosim.errors import BlockFailed, CosimError
-from cosim.supervision import Commands, Crew, Ended
+from cosim.supervision import Commands, Crew, Ended, Patience, never
 from cosim.table import Call, Table
+from cosim.worker import Abandoned, Worker
 
 ENGINE = "engine"
 
@@ -80,11 +82,15 @@ Parts = Mapping[str, Sequence[Part]]
 
 
 class Here:
-    """All in this process."""
+    """All in this process. keep: what compiled code touches; None where all is interpreted, in the caller's thread."""
 
-    def __init__(self, parts: Parts, loop: Commands) -> None:
+    def __init__(self, parts: Parts, loop: Commands, watch: Watch, patience: float, keep: Sequence[Any] | None) -> None:
+        """patience: how long (s) a compiled function may take."""
         self._parts = parts
         self._loop = loop
+        self._watch = watch
+        self._patience = Patience(watch.activity, patience)
+        self._worker = None if keep is None else Worker(*keep)
         self._opened: list[Part] = []
 
     def open(self) -> None:
@@ -93,9 +99,19 @@ class Here:
             part.open()
             self._opened.append(part)
 
-    def run(self, command: str) -> int:
-        """Have the loop do something. Returns the status."""
-        return self._loop[command]()
+    def run(self, command: str, wanted: Callable[[], bool] = never) -> int:
+        """Have the loop do something; wanted: whether somebody wants it to return soon. Returns the status.
+
+        Raises: BlockFailed for a function that does not return; KeyboardInterrupt for one that is wanted to.
+        """
+        if self._worker is None:
+            return self._loop[command]()
+        self._patience.renew()
+        try:
+            return self._worker.do(self._loop[command], self._patience, self._watch.stop, wanted)
+        except Abandoned:
+            how = f"no sign of life for {self._patience.limit:g} s"
+            raise self._watch.silent(how) from None
 
     def failure(self, slave: str, time: float) -> CosimError:
         """Why a call of a foreign block failed at a time (s)."""
@@ -103,6 +119,10 @@ class Here:
 
     def close(self, terminate: bool) -> None:
         """End all instances; terminate: they were initialized."""
+        if self._worker:
+            self._worker.close()
+        if self._worker and self._worker.abandoned:
+            return  # whatever is called may still be in use
         while self._opened:
             self._opened.pop().close(terminate)
 
@@ -119,7 +139,7 @@ class Forked:
         self._index = {id(part): k for k, part in enumerate(_all(parts))}
         self._watch = watch
         self._serving: list[Part] = []
-        self._crew = Crew(watch.activity, patience)
+        self._crew = Crew(Patience(watch.activity, patience))
         known = list(_all(parts))
 
         def ask(k: int, method: str, *arguments: Any) -> Any:
@@ -138,10 +158,17 @@ class Forked:
                 self._crew.tell(part.process, "part", self._index[id(part)], "serve")
                 self._serving.append(part)
 
-    def run(self, command: str) -> int:
+    def run(self, command: str, wanted: Callable[[], bool] = never) -> int:
         """As of `Here`."""
+
+        def stopping() -> bool:
+            if wanted():
+                self._watch.stop()
+                return True
+            return False
+
         with self._watch.blaming():
-            return self._crew.do(ENGINE, command)
+            return self._crew.do(ENGINE, command, wanted=stopping)
 
     def failure(self, slave: str, time: float) -> CosimError:
         """As of `Here`."""
@@ -174,11 +201,21 @@ class Watch:
         self._asked: Part | None = None  # the part that is opened, asked or closed; else the loop is at work
 
     def activity(self) -> tuple[int | None, ...] | None:
-        """What changes as long as a foreign block does something; None while no call of one is under way."""
+        """What changes as long as something is done; None where silence is nothing to worry about.
+
+        That is while plain Python is at work, where somebody may debug, and while a part does something of ours.
+        """
         calls = [part.trace.activity for part in _all(self._parts)]
-        if all(call is None for call in calls):
+        if self._asked is not None and all(call is None for call in calls):
+            return None
+        slave = self._table.network.slaves[self._call().slave] if self._table.calls else None
+        if self._asked is None and slave and not (slave.declaration.compiled or slave.declaration.foreign):
             return None
         return int(self._control[engine.STEP]), int(self._control[engine.AT]), *calls
+
+    def stop(self) -> None:
+        """Ask the loop to return before its next step."""
+        self._control[engine.STOP] = 1
 
     @contextmanager
     def blaming(self, part: Part | None = None) -> Iterator[None]:
@@ -203,11 +240,22 @@ class Watch:
                 part = next((p for p in candidates if not p.process), None)
         if part is not None:
             return part.trace.ended(end.how, end.hung, time)
+        if end.hung:
+            return self.silent(end.how)
         slave = self._table.network.slaves[call.slave]
         message = f"block {slave.name}: {end.how} in {call.function.name}() at t = {time:g} s"
         inside = sorted({p for p, parts in self._parts.items() if not all(part.process for part in parts)})
         fix = f"to see whether {', '.join(inside)} did it, write `isolate: true` there" if inside else ""
         return BlockFailed(message, slave.entry.position, fix)
+
+    def silent(self, how: str) -> CosimError:
+        """The error for a native function that does not return."""
+        time = int(self._control[engine.STEP]) * self._table.network.diagram.run.step
+        call = self._call()
+        place = self._table.network.slaves[call.slave].entry.position
+        message = f"block {call.slave}: {how} in {call.function.name}() at t = {time:g} s"
+        fix = "look for a loop that never ends; `run.patience` (s) says how long a call may take"
+        return BlockFailed(message, place, fix)
 
     def _call(self) -> Call:
         """The call that is being done, or was last."""

@@ -53,6 +53,133 @@ def is_sampled(slave: Slave) -> bool:
     return bool(slave.declaration.kind("update")) and not slave.declaration.kind("derivatives")
 
 
+@dataclass(frozen=True)
+class Turn:
+    """A block's turn under Gauss-Seidel: what is evaluated anew, at the later time, before it steps."""
+
+    slave: str
+    refreshed: tuple[Task, ...]
+
+
+def has_turn(slave: Slave) -> bool:
+    """Whether a slave advances between two communication points by itself; the others are evaluated when asked."""
+    return bool(slave.declaration.continuous() or slave.declaration.kind("step"))
+
+
+def turns(network: Network, tasks: list[Task]) -> list[Turn]:
+    """The turns of one communication step under Gauss-Seidel; tasks: all, in the order of evaluation.
+
+    Before a block steps, what it reads through blocks without a turn is evaluated anew where it depends on the time or
+    on a block that has stepped. Sampled outputs stay as they are.
+    """
+    ways = _Ways(network, tasks)
+    stepped: set[str] = set()
+    done: dict[Task, frozenset[str]] = {}
+    result = []
+    for name in ways.sequence():
+        refreshed = []
+        for task in ways.before(name):
+            newest = frozenset(ways.origins.get(task, set()) & (stepped | {_TIME}))
+            if task.slave == name or (newest and done.get(task) != newest):
+                refreshed.append(task)
+                done[task] = newest
+        result.append(Turn(name, tuple(refreshed)))
+        stepped.add(name)
+    return result
+
+
+_TIME = "time"
+
+
+class _Ways:
+    """How what blocks with a turn publish reaches other such blocks, through the tasks of those without."""
+
+    def __init__(self, network: Network, tasks: list[Task]) -> None:
+        self.network = network
+        self.tasks = tasks
+        self.stepping = [name for name, slave in network.slaves.items() if has_turn(slave)]
+        self.writers = {signal: task for task in tasks for signal in self._writes(task)}
+        self.origins: dict[Task, set[str]] = {}  # of tasks without a turn: the blocks, and the time
+        for task in tasks:
+            if self._is_free(task):
+                self.origins[task] = self._origins(self._reads(task))
+
+    def _is_free(self, task: Task) -> bool:
+        slave = self.network.slaves[task.slave]
+        return not has_turn(slave) and not is_sampled(slave)
+
+    def _function(self, task: Task) -> Function:
+        return next(f for f in self.network.slaves[task.slave].declaration.functions if f.name == task.function)
+
+    def _writes(self, task: Task) -> list[Signal]:
+        names = sorted(self._function(task).writes) if task.function else [task.port]
+        return [Signal(task.slave, name) for name in names]
+
+    def _reads(self, task: Task) -> list[Signal]:
+        slave = self.network.slaves[task.slave]
+        if not task.function:
+            return [source.whole for source in slave.wires[task.port]]
+        return [s for name in self._function(task).reads for s in self._sources(slave, name)]
+
+    def _sources(self, slave: Slave, name: str) -> list[Signal]:
+        """Where what a function of a slave names comes from; a joined input is the slave's own."""
+        if name in slave.wires and not is_joined(slave, name):
+            return [slave.wires[name][0].whole]
+        return [Signal(slave.name, name)]
+
+    def _origins(self, signals: list[Signal]) -> set[str]:
+        found: set[str] = set()
+        for signal in signals:
+            if signal.variable == _TIME and _TIME not in self.network.slaves[signal.slave].declaration.variables:
+                found.add(_TIME)
+            elif signal.slave in self.stepping:
+                found.add(signal.slave)
+            elif signal in self.writers:
+                found |= self.origins.get(self.writers[signal], set())
+        return found
+
+    def before(self, name: str) -> list[Task]:
+        """The tasks without a turn that a block reads the results of, and its own joins, in the order of evaluation."""
+        slave = self.network.slaves[name]
+        waiting = [s.whole for sources in slave.wires.values() for s in sources]
+        found = {task for task in self.tasks if task.slave == name and not task.function}
+        while waiting:
+            task = self.writers.get(waiting.pop())
+            if task in self.origins and task not in found:
+                found.add(task)
+                waiting += self._reads(task)
+        return [task for task in self.tasks if task in found]
+
+    def sequence(self) -> list[str]:
+        """The order of the turns: a block after those that it reads. A ring is entered at a block without feedthrough.
+
+        Where none is ready, a block with feedthrough goes first if something that it reads has stepped, so that it
+        hands that on.
+        """
+        reads = {name: self._read_by(name) for name in self.stepping}
+        left, result = list(self.stepping), []
+        while left:
+            ready = [n for n in left if not reads[n] & set(left) - {n}]
+            passing = [n for n in left if self._feeds_through(n)]
+            handing = [n for n in passing if reads[n] & set(result)]
+            entered = [n for n in left if n not in passing]
+            chosen = (ready or handing or entered or left)[0]
+            left.remove(chosen)
+            result.append(chosen)
+        return result
+
+    def _read_by(self, name: str) -> set[str]:
+        slave = self.network.slaves[name]
+        direct = self._origins([s.whole for sources in slave.wires.values() for s in sources])
+        return direct | {origin for task in self.before(name) for origin in self.origins.get(task, set())} - {_TIME}
+
+    def _feeds_through(self, name: str) -> bool:
+        declaration = self.network.slaves[name].declaration
+        return any(
+            isinstance(declaration.variables.get(r), Input) for f in declaration.kind("outputs") for r in f.reads
+        )
+
+
 def _graph(network: Network, starts: bool) -> networkx.DiGraph:
     import networkx
 

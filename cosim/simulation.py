@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from cosim import engine, faults, floating, hosts, interpreted, kernels, memory, supervision
+from cosim.block import State
 from cosim.errors import BlockFailed, CosimError, Diverged, KernelError
 from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
@@ -26,7 +27,9 @@ from cosim.table import Call, Place, Table, copy_of
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 BATCH_SECONDS = 0.04
 TEXT_BYTES = 1024  # of what a function that raised says
+LARGEST_BATCH = 1 << 40
 BUFFER_BYTES = 4_000_000
+KINDS = {"output": "output", "calculatedParameter": "calculated parameter"}
 _handles = count(1)
 
 
@@ -136,13 +139,15 @@ class Simulation:
         base, control, step = self.arena.ctypes.data, self.control.ctypes.data, self.step
         bound = {"run": partial(run, step, base, control), "execute": partial(execute, 0.0, base, control)}
         commands = {name: partial(_standard, function) for name, function in bound.items()}
+        # An abandoned call goes on with all of this.
+        keep = None if kernels is None else (self.arena, self.control, self._groups, self._buffers, self._keep, kernels)
         self._parts = {slave.name: self._foreign_parts(slave) for slave in foreign}
         self._host: hosts.Here | hosts.Forked
+        watch, patience = hosts.Watch(table, self.control, self._parts), table.network.diagram.run.patience
         if forked:
-            watch = hosts.Watch(table, self.control, self._parts)
-            self._host = hosts.Forked(self._parts, commands, watch, table.network.diagram.run.patience)
+            self._host = hosts.Forked(self._parts, commands, watch, patience)
         else:
-            self._host = hosts.Here(self._parts, commands)
+            self._host = hosts.Here(self._parts, commands, watch, patience, keep)
             weakref.finalize(self, self._host.close, terminate=False)
 
     def _address(self, kernels: Kernels, n: int) -> int:
@@ -180,10 +185,10 @@ class Simulation:
                 probes.append([table.places[signal].offset, size])
                 self._columns[-1].append(Column(signal, slice(words, words + size), now.shape, now.dtype))
                 words += size
-            capacity = max(2, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 2))
+            capacity = max(1, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 1))
             buffer = self._words(capacity, words)
             self._buffers.append(buffer)
-            rows.append([group.every, begin, len(probes), words, 0, buffer.ctypes.data])
+            rows.append([group.every, begin, len(probes), words, 0, buffer.ctypes.data, capacity])
         self._groups = self._words(len(rows), engine.GROUP_WORDS)
         self._groups[:] = np.array(rows, np.int64).reshape(self._groups.shape)
         self._probe_rows = np.array(probes, np.int64).reshape(-1, engine.PROBE_WORDS)
@@ -199,6 +204,8 @@ class Simulation:
             control[at] = array.ctypes.data
         control[engine.N_GROUPS] = len(self._groups)
         control[engine.STATES] = table.states
+        control[engine.PUBLISHED], control[engine.N_PUBLISHED] = table.published
+        control[engine.PUBLISHED32], control[engine.N_PUBLISHED32] = table.published32
         for name, offset in table.vectors.items():
             control[getattr(engine, name)] = offset
 
@@ -206,14 +213,14 @@ class Simulation:
         """Zeroed words that the loop changes."""
         return self._zeros(8 * int(np.prod(shape))).view(np.int64).reshape(shape)
 
-    def initialize(self) -> None:
+    def initialize(self, wanted: Callable[[], bool] = supervision.never) -> None:
         """Calculated parameters, start values and outputs at time zero; instances of foreign blocks.
 
-        Raises: BlockFailed, FmuError.
+        wanted: as of `batches`. Raises: BlockFailed, Diverged, FmuError.
         """
         self._host.open()
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.initial
-        self._raise(self._host.run("execute"))
+        self._raise(self._host.run("execute", wanted))
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.point
         self.control[engine.BETWEEN_BEGIN], self.control[engine.BETWEEN_END] = self.table.between
         self._initialized = True
@@ -259,36 +266,35 @@ class Simulation:
         """The simulated time (s)."""
         return self.done * self.step
 
-    def batches(self) -> Iterator[list[Samples]]:
+    def batches(self, wanted: Callable[[], bool] = supervision.never) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
 
-        Raises: BlockFailed, Diverged, Terminated; what the probes saw before is yielded first.
+        wanted: whether somebody wants the run to stop; then a batch ends at the next step, and it is the caller who stops.
+        Raises: BlockFailed, Diverged, Terminated, KeyboardInterrupt where a block does not let it stop; what the probes saw before is
+        yielded first.
         """
         size = 1 if self._parts else 64
-        largest = (
-            min((len(b) - 1) * g.every for b, g in zip(self._buffers, self.probes, strict=True))
-            if self.probes
-            else 1 << 40
-        )
-        while True:
-            last = min(self.done + size, self.steps)
+        finished = False
+        while not finished:
+            before, last = self.done, min(self.done + size, self.steps)
             self.control[engine.LAST], self.control[engine.FINAL] = last, last == self.steps
+            self.control[engine.STOP] = 0
             began = clock.perf_counter()
-            status, error = self._do_batch()
+            status, error = self._do_batch(wanted)
             spent = clock.perf_counter() - began
             yield self._samples()
             if error:
                 raise error
             self._raise(status)
-            if self.done == self.steps:
-                return
-            if self.control[engine.ENDING]:
+            if self.control[engine.ENDING] == engine.ENDED and self.done < self.steps:
                 raise next(p.trace.termination() for ps in self._parts.values() for p in ps if p.trace.terminated)
-            size = int(max(1, min(largest, 4 * size, size * BATCH_SECONDS / max(spent, 1e-6))))
+            finished = last == self.steps and not self.control[engine.FINAL]
+            did = self.done - before
+            size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
-    def _do_batch(self) -> tuple[int, BaseException | None]:
+    def _do_batch(self, wanted: Callable[[], bool]) -> tuple[int, BaseException | None]:
         try:
-            return self._host.run("run"), None
+            return self._host.run("run", wanted), None
         except (CosimError, KeyboardInterrupt) as error:  # a process has ended, but what it probed is here
             return engine.OK, error
 
@@ -305,12 +311,24 @@ class Simulation:
         if status <= engine.WARNING:
             return
         if status == engine.NON_FINITE:
-            signal, instance = self.table.owner(int(self.control[engine.ELEMENT]))
-            slave = self.table.network.slaves[signal.slave]
-            member = f" of {slave.fleet} {instance + 1}" if slave.fleet else ""
-            message = f"block {signal.slave}: state `{signal.variable}`{member} is not finite at t = {self.time:g} s"
-            raise Diverged(message, slave.entry.position, "try a smaller step, or look at what drives this state")
+            raise self._divergence()
         self._raise_fault(int(self.control[engine.AT]))
+
+    def _divergence(self) -> Diverged:
+        """The error for the value that the loop found to be not finite."""
+        offset = int(self.control[engine.ELEMENT])
+        signal, instance, element = self.table.owner(offset)
+        slave, variable = self.table.network.slaves[signal.slave], self.table.network.variable(signal)
+        value = self.arena[offset : offset + variable.dtype.itemsize].view(variable.dtype)[0]
+        index = np.unravel_index(element, slave.shape(variable)) if variable.shape else ()
+        place = f"[{','.join(str(int(i) + 1) for i in index)}]" if index else ""
+        member = f" of {slave.fleet} {instance + 1}" if slave.fleet else ""
+        what = f"is {value:.3g}, beyond {engine.LIMIT:.0e}" if np.isfinite(value) else f"is not finite ({value})"
+        kind = "state" if isinstance(variable, State) else KINDS.get(variable.causality, "local")
+        message = f"block {signal.slave}: {kind} `{signal.variable}{place}`{member} {what} at t = {self.time:g} s"
+        is_state = isinstance(variable, State)
+        fix = "try a smaller step, or look at what drives it" if is_state else "look at what it is computed from"
+        return Diverged(message, slave.entry.position, fix)
 
     def _raise_fault(self, operation: int) -> None:
         """Tell what went wrong in a call, from what it left behind."""

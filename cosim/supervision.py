@@ -36,6 +36,11 @@ _connections: set[Any] = set()  # this process's ends, which no forked process m
 Commands = Mapping[str, Callable[..., Any]]
 
 
+def never() -> bool:
+    """That nobody wants anything."""
+    return False
+
+
 class Ended(Exception):
     """A process is gone, or had to be killed; how: in words; hung: whether it was killed for its silence."""
 
@@ -117,15 +122,36 @@ class Process:
         return f"exit() with code {os.waitstatus_to_exitcode(self._status)}"
 
 
-class Crew:
-    """The processes of one run.
+class Patience:
+    """How long silence is borne.
 
     activity: a value that changes as long as something happens, None where silence is nothing to worry about.
-    patience: how long (s) it may stay the same.
+    limit: how long (s) it may stay the same.
     """
 
-    def __init__(self, activity: Callable[[], Hashable], patience: float) -> None:
+    def __init__(self, activity: Callable[[], Hashable], limit: float) -> None:
         self._activity = activity
+        self.limit = limit
+        self.renew()
+
+    def renew(self) -> None:
+        """Begin anew."""
+        self._seen, self._waited, self._looked = self._activity(), 0.0, time.monotonic()
+
+    def exhausted(self) -> bool:
+        """Whether there has been silence for too long; to be asked at every GLANCE."""
+        now, activity = time.monotonic(), self._activity()
+        self._waited += min(now - self._looked, 2 * GLANCE)  # while this process was stopped, others were too
+        self._looked = now
+        if activity != self._seen or activity is None:
+            self._seen, self._waited = activity, 0.0
+        return self._waited > self.limit
+
+
+class Crew:
+    """The processes of one run. patience: with those who are waited for."""
+
+    def __init__(self, patience: Patience) -> None:
         self._patience = patience
         self._processes: dict[str, Process] = {}
         self.kill = weakref.finalize(self, _end, self._processes, os.getpid(), 0.0)
@@ -150,15 +176,19 @@ class Crew:
         except OSError:
             self._processes[name].listen()
 
-    def do(self, name: str, command: str, *arguments: Any) -> Any:
-        """Have a process do something, and give back what it returns or raises. Raises: Ended."""
+    def do(self, name: str, command: str, *arguments: Any, wanted: Callable[[], bool] = never) -> Any:
+        """Have a process do something, and give back what it returns or raises; as of `answer`."""
         self.tell(name, command, *arguments)
-        return self.answer(name)
+        return self.answer(name, wanted)
 
-    def answer(self, name: str) -> Any:
-        """Wait for what a process returns or raises. Raises: Ended, for whichever process ends; then all are."""
+    def answer(self, name: str, wanted: Callable[[], bool] = never) -> Any:
+        """Wait for what a process returns or raises; wanted: whether somebody wants it to return soon.
+
+        Raises: Ended, for whichever process ends; KeyboardInterrupt where what is wanted does not happen. Then all are
+        ended.
+        """
         try:
-            done, value = self._awaited(self._processes[name])
+            done, value = self._awaited(self._processes[name], wanted)
         except BaseException:
             self.kill()
             raise
@@ -166,21 +196,20 @@ class Crew:
             return value
         raise value
 
-    def _awaited(self, process: Process) -> tuple[bool, Any]:
+    def _awaited(self, process: Process, wanted: Callable[[], bool]) -> tuple[bool, Any]:
         from multiprocessing.connection import wait
 
-        seen, waited, looked = self._activity(), 0.0, time.monotonic()
+        asked = 0.0
+        self._patience.renew()
         while not process.answers:
             wait([p.connection for p in self._processes.values()], GLANCE)
             for each in self._processes.values():
                 each.listen()
-            now, activity = time.monotonic(), self._activity()
-            waited += min(now - looked, 2 * GLANCE)  # while this process itself was stopped, others were too
-            looked = now
-            if activity != seen or activity is None:
-                seen, waited = activity, 0.0
-            elif waited > self._patience:
-                raise Ended(process.name, f"no answer for {self._patience:g} s", hung=True)
+            asked += GLANCE if wanted() else 0.0
+            if asked > GRACE and not process.answers:
+                raise KeyboardInterrupt
+            if self._patience.exhausted() and not process.answers:
+                raise Ended(process.name, f"no answer for {self._patience.limit:g} s", hung=True)
         return process.answers.pop(0)
 
 

@@ -58,6 +58,8 @@ class Table:
     between: tuple[int, int]
     states: int
     vectors: dict[str, int]  # offsets of X, W, START, SUM, D
+    published: tuple[int, int]  # offset and count of the float64 numbers that have to be finite, besides the states
+    published32: tuple[int, int]  # and of the float32 numbers
     places: dict[Signal, Place] = field(default_factory=dict)
     given: dict[Signal, list[tuple[int, int]]] = field(default_factory=dict)  # offsets and instances of set values
 
@@ -76,14 +78,15 @@ class Table:
         place = self.places[signal]
         return np.ndarray(self.network.shape(signal), place.dtype, arena.data, place.offset)
 
-    def owner(self, element: int) -> tuple[Signal, int]:
-        """Whose state an element of the state vector is, and of which instance (from 0)."""
-        at = self.vectors["X"] + element * 8
+    def owner(self, offset: int) -> tuple[Signal, int, int]:
+        """Whose value lies at an offset, of which instance, and which element of it (both from 0)."""
         for signal, place in self.places.items():
+            declared = self.network.variable(signal)
             size = int(np.prod(self.network.shape(signal))) * place.dtype.itemsize
-            if isinstance(self.network.variable(signal), State) and place.offset <= at < place.offset + size:
-                return signal, (at - place.offset) // place.stride if place.stride else 0
-        raise IndexError(element)
+            if not isinstance(declared, (Parameter, Input)) and place.offset <= offset < place.offset + size:
+                instance, rest = divmod(offset - place.offset, place.stride or size)
+                return signal, instance, rest // place.dtype.itemsize
+        raise IndexError(offset)
 
 
 def build(network: Network, method: str) -> Table:
@@ -105,6 +108,7 @@ class _Builder:
         self.operations: list[list[int]] = []
         self.banks: list[list[int]] = []
         self.vectors: dict[str, int] = {}
+        self.published: dict[str, tuple[int, int]] = {}
         self.states = 0
 
     def table(self) -> Table:
@@ -127,21 +131,25 @@ class _Builder:
             between=between,
             states=self.states,
             vectors=self.vectors,
+            published=self.published["float64"],
+            published32=self.published["float32"],
             places=self.places,
             given=self.given,
         )
 
     # ---- memory ----
 
-    def _allocate(self, size: int) -> int:
-        offset = self.size
-        self.size += -(-size // ALIGNMENT) * ALIGNMENT
+    def _allocate(self, size: int, alignment: int = ALIGNMENT) -> int:
+        offset = -(-self.size // alignment) * alignment
+        self.size = offset + -(-size // 8) * 8
         return offset
 
-    def _store(self, slave: Slave, variable: Variable, instances: int) -> Place:
+    def _store(self, slave: Slave, variable: Variable, instances: int, dense: bool = False) -> Place:
+        """New memory for a variable; dense: small ones side by side."""
         size = slave.nbytes(variable)
         stride = size if instances > 1 else 0
-        return Place(self._allocate(size * instances), stride, slave.shape(variable), variable.dtype)
+        alignment = 8 if dense and size * instances < ALIGNMENT else ALIGNMENT
+        return Place(self._allocate(size * instances, alignment), stride, slave.shape(variable), variable.dtype)
 
     def _lay_out(self) -> None:
         """A place for every variable: states in the state vector, the others where they come."""
@@ -154,22 +162,35 @@ class _Builder:
             size = slave.nbytes(state)
             self._place(slave, state, Place(at, size if slave.count > 1 else 0, slave.shape(state), state.dtype))
             at += size * slave.count
+        for kind in ("float64", "float32", ""):
+            begin = self._allocate(0)
+            for slave in self.network.slaves.values():
+                for variable in slave.declaration.variables.values():
+                    if _checked(variable) == kind:
+                        self._lay_out_one(slave, variable)
+            if kind:
+                self.published[kind] = begin, (self.size - begin) // np.dtype(kind).itemsize
         for slave in self.network.slaves.values():
-            needed = {name for f in order.needed_outputs(slave) for name in f.writes}
-            for variable in slave.declaration.variables.values():
-                signal = Signal(slave.name, variable.name)
-                if signal in self.places or variable.name in slave.wires or variable.dtype.hasobject:
-                    continue
-                given = slave.values.get(variable.name)
-                shared = isinstance(variable, (Parameter, Input)) and given is not None and len(given) == 1
-                self._place(slave, variable, self._store(slave, variable, 1 if shared else slave.count))
-                if isinstance(variable, State):
-                    self.next[signal] = self._store(slave, variable, slave.count)
-                if variable.name in needed:
-                    self.scratch[signal] = self._store(slave, variable, slave.count)
-        for slave in self.network.slaves.values():
+            self._lay_out_hidden(slave)
             for port in slave.wires:
                 self._connect(slave, port)
+
+    def _lay_out_one(self, slave: Slave, variable: Variable) -> None:
+        signal = Signal(slave.name, variable.name)
+        if signal in self.places or variable.name in slave.wires or variable.dtype.hasobject:
+            return
+        given = slave.values.get(variable.name)
+        shared = isinstance(variable, (Parameter, Input)) and given is not None and len(given) == 1
+        dense = bool(_checked(variable))
+        self._place(slave, variable, self._store(slave, variable, 1 if shared else slave.count, dense))
+
+    def _lay_out_hidden(self, slave: Slave) -> None:
+        """What nobody outside sees: the next values of discrete states, the outputs inside an integration."""
+        for state in slave.declaration.discrete():
+            self.next[Signal(slave.name, state.name)] = self._store(slave, state, slave.count)
+        for name in sorted({name for f in order.needed_outputs(slave) for name in f.writes}):
+            variable = slave.declaration.variables[name]
+            self.scratch[Signal(slave.name, name)] = self._store(slave, variable, slave.count)
 
     def _place(self, slave: Slave, variable: Variable, place: Place) -> None:
         signal = Signal(slave.name, variable.name)
@@ -320,19 +341,17 @@ class _Builder:
         return self._range(begin)
 
     def _one_after_the_other(self, tasks: list[order.Task], banks: dict[str, int]) -> None:
-        """Gauss-Seidel: each slave publishes its states and outputs before the next one steps."""
-        last = {task.slave: k for k, task in enumerate(tasks)}
-        for slave in sorted(self.network.slaves.values(), key=lambda s: last.get(s.name, -1)):
-            own = [t for t in tasks if t.slave == slave.name and not order.is_sampled(slave)]
-            for task in own:
-                if not task.function:
-                    self._task(task)
+        """Gauss-Seidel: block by block, on the newest of what it reads; then what it publishes is of the later time."""
+        for turn in order.turns(self.network, tasks):
+            slave = self.network.slaves[turn.slave]
+            for task in turn.refreshed:
+                self._task(task, at_end=1)
             for function in slave.declaration.kind("step"):
                 self._call(slave, function)
             if slave.name in banks:
                 self._operation(engine.INTEGRATE, banks[slave.name])
-            for task in own:
-                if task.function:
+            for task in tasks:
+                if task.slave == slave.name and task.function:
                     self._task(task, at_end=1)
 
     def _banks(self) -> dict[str, int]:
@@ -356,11 +375,15 @@ class _Builder:
         states = slave.declaration.continuous()
         at = (self.places[Signal(slave.name, states[0].name)].offset - self.vectors["X"]) // 8
         size = sum(slave.count * slave.nbytes(s) for s in states) // 8
+        needed = order.needed_outputs(slave)
         begin = len(self.operations)
+        if in_place and slave.wires:  # what comes in has changed since they were published
+            for function in needed:
+                self._call(slave, function)
         self._derivatives(slave)
         first = self._range(begin)
         begin = len(self.operations)
-        for function in order.needed_outputs(slave):
+        for function in needed:
             self._call(slave, function, stage=not in_place)
         self._derivatives(slave, stage=not in_place)
         return self._add_bank(at, at + size, in_place, slave.method, slave.inner_steps, first, self._range(begin))
@@ -402,6 +425,13 @@ class _Builder:
         kind = {"euler": engine.EULER, "rk4": engine.RK4}[method]
         self.banks.append([begin, end, in_place, kind, inner_steps, *first, *inner])
         return len(self.banks) - 1
+
+
+def _checked(variable: Variable) -> str:
+    """The data type as which a variable has to be finite at every communication point; "" where it need not."""
+    if isinstance(variable, (Parameter, Input)) or not variable.finite:
+        return ""
+    return variable.dtype.name if variable.dtype.name in ("float64", "float32") else ""
 
 
 def copy_of(arena: np.ndarray, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:

@@ -106,6 +106,8 @@ def _constant(exported: Model, done: Operations, token: str, size: int, started:
     yield "    .operations = operations, .banks = banks, .functions = functions, .labels = labels, .blocks = blocks,"
     yield f"    .n_states = {built.states},"
     yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.vectors.items())
+    for name, (offset, count) in (("published", built.published), ("published32", built.published32)):
+        yield f"    .{name} = {offset}, .n_{name} = {count},"
     yield "    " + " ".join(f".{name} = {{{begin}, {end}}}," for name, (begin, end) in done.ranges.items())
     yield f"    .started = started, .n_started = {started}, .periods = periods, .n_periods = {len(exported.periods)},"
     yield f"    .variables = variables, .n_variables = {len(exported.variables)},"

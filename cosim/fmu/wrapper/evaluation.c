@@ -25,14 +25,15 @@ static void fault_text(const Fault *fault, char *text, size_t size) {
 static Status explain(Instance *i, int32_t status, double time) {
     const int64_t *c = i->control;
     if (status == ENGINE_NON_FINITE) {
-        const uint64_t place = model.x + 8 * (uint64_t)c[ENGINE_ELEMENT];
-        const char *name = "a state";
+        const uint64_t place = (uint64_t)c[ENGINE_ELEMENT];
+        const char *name = "a local variable";
         for (uint32_t v = 0; v < model.n_variables; v++) {
             const Variable *variable = &model.variables[v];
-            const uint64_t end = variable->offset + 8 * (uint64_t)variable->count;
-            if (variable->kind == CONTINUOUS_STATE && variable->offset <= place && place < end) name = variable->name;
+            const uint64_t end = variable->offset + size_of(variable->type) * (uint64_t)variable->count;
+            if (variable->offset <= place && place < end) name = variable->name;
         }
-        return tell(i, ERROR, LOG_ERROR, "`%s` is not finite at t = %g s: try a smaller step", name, time);
+        return tell(i, ERROR, LOG_ERROR, "`%s` is not finite, or beyond 1e100, at t = %g s: try a smaller step", name,
+                    time);
     }
     const int64_t *operation = model.operations + c[ENGINE_AT] * ENGINE_OPERATION_WORDS;
     const int64_t function = operation[ENGINE_A];

@@ -29,6 +29,10 @@ static void set_control(Instance *i) {
     c[ENGINE_BANKS] = (int64_t)(intptr_t)model.banks;
     c[ENGINE_FUNCTIONS] = (int64_t)(intptr_t)model.functions;
     c[ENGINE_STATES] = (int64_t)model.n_states;
+    c[ENGINE_PUBLISHED] = (int64_t)model.published;
+    c[ENGINE_N_PUBLISHED] = (int64_t)model.n_published;
+    c[ENGINE_PUBLISHED32] = (int64_t)model.published32;
+    c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
     c[ENGINE_X] = (int64_t)model.x;
     c[ENGINE_W] = (int64_t)model.w;
     c[ENGINE_START] = (int64_t)model.start;

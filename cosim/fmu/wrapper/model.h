@@ -75,6 +75,7 @@ typedef struct {
 
     uint64_t n_states;
     uint64_t x, w, start, sum, d; /* the vectors of states, see engine.py */
+    uint64_t published, n_published, published32, n_published32; /* what else has to be finite */
 
     Range initial;         /* calculated parameters, start values, outputs at the start time */
     Range calculate;       /* calculated parameters; the first part of `initial` */
