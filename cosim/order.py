@@ -157,7 +157,7 @@ class _Ways:
         hands that on.
         """
         reads = {name: self._read_by(name) for name in self.stepping}
-        left, result = list(self.stepping), []
+        left, result = list(self.stepping), list[str]()
         while left:
             ready = [n for n in left if not reads[n] & set(left) - {n}]
             passing = [n for n in left if self._feeds_through(n)]

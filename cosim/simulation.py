@@ -269,9 +269,9 @@ class Simulation:
     def batches(self, wanted: Callable[[], bool] = supervision.never) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
 
-        wanted: whether somebody wants the run to stop; then a batch ends at the next step, and it is the caller who stops.
-        Raises: BlockFailed, Diverged, Terminated, KeyboardInterrupt where a block does not let it stop; what the probes saw before is
-        yielded first.
+        wanted: whether somebody wants the run to stop; a batch then ends at the next step, and the caller stops.
+        Raises: BlockFailed, Diverged, Terminated, KeyboardInterrupt where a block does not let it stop; what the probes
+        saw before is yielded first.
         """
         size = 1 if self._parts else 64
         finished = False
