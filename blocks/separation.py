@@ -58,10 +58,10 @@ class Separation(Measure):
     heads = Local("robots", dtype=np.int64, unit="1", description="work space: first robot of each bucket")
     links = Local("robots", dtype=np.int64, unit="1", description="work space: next robot of a bucket")
     found = Local("robots", dtype=np.int64, unit="1", description="work space: robots near one robot")
-    min_gap = Output(unit="m", description="smallest gap of all pairs; infinite for a single robot")
+    min_gap = Output(unit="m", finite=False, description="smallest gap of all pairs; infinite for a single robot")
     unlisted = Output(dtype=np.int64, unit="1", description="how many pairs touch that have no row and get none")
-    collisions = Output("collision_capacity", 3, description="rows [i, j, time] so far; NaN where none")
-    listed = State("collision_capacity", 3, start=math.nan, description="the rows before this instant")
+    collisions = Output("collision_capacity", 3, finite=False, description="rows [i, j, time] so far; NaN where none")
+    listed = State("collision_capacity", 3, start=math.nan, finite=False, description="the rows before this instant")
 
     positive = rule("radii > 0")(lambda radii: min(radii) > 0.0)
     complete = condition("every pair that collides is listed")(everything_listed)

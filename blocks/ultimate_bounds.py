@@ -48,10 +48,10 @@ class UltimateBounds(Measure, compiled=False):
     sigma = CalculatedParameter(2, unit="1", description="smallest and largest singular value of L_1 + B")
     w_error = Output(description="||w_hat - w||")
     v_error = Output(description="||v_hat - v||")
-    S_40 = Output(description="bound (40) of ||S|| and of ||e_x||")
-    delta_x_40 = Output(description="bound (40) of ||delta_x||")
-    S_41 = Output(description="bound (41) of ||S|| and of ||e_x||")
-    delta_x_41 = Output(description="bound (41) of ||delta_x||")
+    S_40 = Output(finite=False, description="bound (40) of ||S|| and of ||e_x||")
+    delta_x_40 = Output(finite=False, description="bound (40) of ||delta_x||")
+    S_41 = Output(finite=False, description="bound (41) of ||S|| and of ||e_x||")
+    delta_x_41 = Output(finite=False, description="bound (41) of ||delta_x||")
 
     graph = rule("hears as the topology has it", "Lemma 2")(lambda neighbours, hears: agrees(neighbours, hears=hears))
     gains = rule("c, lambda_ and b as the controller has them", "Theorem 3")(

@@ -71,7 +71,7 @@ CONTROL_WORDS = 32
 
 ENDED = 2
 LIMIT = 2.0**332
-"""From this magnitude on (about 1e100) a value has diverged: no quantity is as large, and its fourth power overflows."""
+"""From this magnitude on, about 1e100, a value has diverged: no quantity is as large; its fourth power overflows."""
 _EXPONENT = 0x7FF0000000000000
 _LIMIT = (1023 + 332) << 52  # the exponent of LIMIT
 _EXPONENT32 = 0x7F800000

@@ -6,6 +6,7 @@ nothing at the same instant. Outputs that depend on each other are an algebraic 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -55,10 +56,11 @@ def is_sampled(slave: Slave) -> bool:
 
 @dataclass(frozen=True)
 class Turn:
-    """A block's turn under Gauss-Seidel: what is evaluated anew, at the later time, before it steps."""
+    """A block's turn under Gauss-Seidel: what is evaluated anew, at the later time, before it steps, and after."""
 
     slave: str
-    refreshed: tuple[Task, ...]
+    before: tuple[Task, ...]
+    after: tuple[Task, ...]
 
 
 def has_turn(slave: Slave) -> bool:
@@ -70,21 +72,25 @@ def turns(network: Network, tasks: list[Task]) -> list[Turn]:
     """The turns of one communication step under Gauss-Seidel; tasks: all, in the order of evaluation.
 
     Before a block steps, what it reads through blocks without a turn is evaluated anew where it depends on the time or
-    on a block that has stepped. Sampled outputs stay as they are.
+    on a block that has stepped. Once it has, the same holds for its own outputs. Sampled outputs stay as they are.
     """
     ways = _Ways(network, tasks)
     stepped: set[str] = set()
     done: dict[Task, frozenset[str]] = {}
     result = []
-    for name in ways.sequence():
-        refreshed = []
+
+    def stale(name: str) -> Iterator[Task]:
         for task in ways.before(name):
             newest = frozenset(ways.origins.get(task, set()) & (stepped | {_TIME}))
             if task.slave == name or (newest and done.get(task) != newest):
-                refreshed.append(task)
                 done[task] = newest
-        result.append(Turn(name, tuple(refreshed)))
+                yield task
+
+    for name in ways.sequence():
+        before = tuple(stale(name))
         stepped.add(name)
+        own = [task for task in tasks if task.slave == name and task.function]
+        result.append(Turn(name, before, (*stale(name), *own)))
     return result
 
 

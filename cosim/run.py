@@ -186,11 +186,15 @@ class Run:
     ) -> None:
         began = flushed = clock.perf_counter()
         writing = 0.0
+
+        def wanted() -> bool:
+            return interrupted.wanted
+
         try:
             with interrupted.breakable():
-                self.simulation.initialize()
+                self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
-            for stepwise, recorded in self.simulation.batches():
+            for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self._reduce(stepwise)
                 if writer:

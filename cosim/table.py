@@ -325,7 +325,7 @@ class _Builder:
     def _between(self, tasks: list[order.Task]) -> tuple[int, int]:
         """From one communication point to the next: sampled updates, then the method's integrations."""
         banks = self._joint_bank(tasks) if self.method == "joint" else self._banks()
-        hidden = any(not self.banks[bank][engine.IN_PLACE] for bank in banks.values())
+        hidden = self.method == "jacobi" and any(not self.banks[bank][engine.IN_PLACE] for bank in banks.values())
         begin = len(self.operations)
         for slave in self.network.slaves.values():
             for function in slave.declaration.kind("update"):
@@ -344,23 +344,32 @@ class _Builder:
         """Gauss-Seidel: block by block, on the newest of what it reads; then what it publishes is of the later time."""
         for turn in order.turns(self.network, tasks):
             slave = self.network.slaves[turn.slave]
-            for task in turn.refreshed:
+            for task in turn.before:
                 self._task(task, at_end=1)
             for function in slave.declaration.kind("step"):
                 self._call(slave, function)
             if slave.name in banks:
-                self._operation(engine.INTEGRATE, banks[slave.name])
-            for task in tasks:
-                if task.slave == slave.name and task.function:
-                    self._task(task, at_end=1)
+                self._integrate_alone(banks[slave.name])
+            for task in turn.after:
+                self._task(task, at_end=1)
+
+    def _integrate_alone(self, bank: int) -> None:
+        """Gauss-Seidel: integrate one block's states; what it reads of itself is held like any other input."""
+        begin, end, in_place = self.banks[bank][: engine.IN_PLACE + 1]
+        published, staged = (self.vectors[name] + 8 * begin for name in ("X", "W"))
+        if not in_place:
+            self._copy(staged, published, 8 * (end - begin))
+        self._operation(engine.INTEGRATE, bank)
+        if not in_place:
+            self._copy(published, staged, 8 * (end - begin))
 
     def _banks(self) -> dict[str, int]:
-        """A bank for each slave with states; under Jacobi its stages stay hidden until all slaves have stepped."""
-        in_place = int(self.method == "gauss-seidel")
+        """A bank for each slave with states. Stages stay hidden until it, or under Jacobi all slaves, have stepped."""
         slaves = [s for s in self.network.slaves.values() if s.declaration.continuous()]
-        if self.method == "jacobi" and all(s.method == "euler" and s.inner_steps == 1 for s in slaves):
-            return self._simple_bank(slaves)
-        return {slave.name: self._bank(slave, in_place) for slave in slaves}
+        simple = {s.name: s.method == "euler" and s.inner_steps == 1 for s in slaves}
+        if self.method == "jacobi":
+            return self._simple_bank(slaves) if all(simple.values()) else {s.name: self._bank(s, 0) for s in slaves}
+        return {s.name: self._bank(s, int(simple[s.name] and not order.needed_outputs(s))) for s in slaves}
 
     def _simple_bank(self, slaves: list[Slave]) -> dict[str, int]:
         """Jacobi where each slave does one Euler step: all derivatives come first, so one bank in place does it."""
@@ -375,18 +384,17 @@ class _Builder:
         states = slave.declaration.continuous()
         at = (self.places[Signal(slave.name, states[0].name)].offset - self.vectors["X"]) // 8
         size = sum(slave.count * slave.nbytes(s) for s in states) // 8
-        needed = order.needed_outputs(slave)
         begin = len(self.operations)
-        if in_place and slave.wires:  # what comes in has changed since they were published
-            for function in needed:
-                self._call(slave, function)
         self._derivatives(slave)
         first = self._range(begin)
         begin = len(self.operations)
-        for function in needed:
-            self._call(slave, function, stage=not in_place)
+        for function in order.needed_outputs(slave):
+            self._call(slave, function, stage=True)
         self._derivatives(slave, stage=not in_place)
-        return self._add_bank(at, at + size, in_place, slave.method, slave.inner_steps, first, self._range(begin))
+        inner = self._range(begin)
+        if self.method == "gauss-seidel" and not in_place:  # what comes in has changed since outputs were published
+            first = inner
+        return self._add_bank(at, at + size, in_place, slave.method, slave.inner_steps, first, inner)
 
     def _joint_bank(self, tasks: list[order.Task]) -> dict[str, int]:
         """One bank of all states: the outputs and derivatives of all slaves at every stage."""

@@ -123,6 +123,8 @@ class _Wiring:
                 slave.fleet, slave.count = entry.per.value, fleets[entry.per.value]
         if entry.period:
             self.problems.attempt(self._period, slave, entry.period)
+        for key in ("integrator", "inner_steps"):
+            self.problems.attempt(self._check_integration, slave, key)
         most = block.declaration.most_instances
         if most is not None and slave.count > most:
             message = (
@@ -133,6 +135,18 @@ class _Wiring:
             slave.axes[name] = Axis(size.default)
         self.problems.attempt(self._given_dimensions, slave)
         self.slaves[entry.name] = slave
+
+    def _check_integration(self, slave: Slave, key: str) -> None:
+        """Raises: WrongValue for an integrator of a block's own that would be ignored."""
+        node: Node | None = getattr(slave.entry, key)
+        if node is None or node.inherited:
+            return
+        if not slave.declaration.continuous():
+            message = f"block {slave.name}: {slave.declaration.name} has no continuous states, so it takes no `{key}`"
+            raise WrongValue(message, node.place, f"remove `{key}`")
+        if self.diagram.run.method == "joint":
+            message = f"block {slave.name}: `{key}` is ignored under `joint`, which integrates all blocks as one system"
+            raise WrongValue(message, node.place, f"remove it, set run.{key}, or choose another run.method")
 
     def _period(self, slave: Slave, period: Node) -> None:
         if not slave.declaration.kind("update"):

@@ -13,8 +13,8 @@ joint          all states are integrated as one system; sampled outputs are held
 gauss-seidel   the blocks with continuous states take turns, each a block after those that it reads; in a ring, one
                with feedthrough goes as soon as something that it reads has stepped, and else the first without it.
                A block integrates with its inputs held at the newest values: of t_(k+1) for what has stepped, and for
-               what blocks without states compute of that or of the time, else of t_k. Its own outputs are then those of
-               t_(k+1).
+               what blocks without states compute of that or of the time, else of t_k. Then its own outputs are computed
+               from the newest values, for t_(k+1).
 =============  ===================================================================================================
 """
 
@@ -192,10 +192,9 @@ class Oracle:
             block = self.blocks[name]
             inputs = {port: self.input(block, port, later, dict(newest)) for port in block.what.inputs}
             block.x = self.integrated(block, t, inputs)
-            own: dict[str, np.ndarray] = {}
-            for port, (_, _, function) in block.what.outputs.items():
-                own[port] = function(later, block.x, block.z, inputs, own.__getitem__, block.parameters)
-            newest |= {(name, port): value for port, value in own.items()}
+            known = {key: value for key, value in newest.items() if key[0] != name}
+            own = {(name, port): self.output(name, port, later, known) for port in block.what.outputs}
+            newest |= own
 
     def integrated(self, block: Block, t: float, inputs: dict[str, np.ndarray]) -> np.ndarray:
         """A block's states one communication step later, with its inputs held."""

@@ -56,6 +56,10 @@ def diagrams(draw):
         for section, content in (("parameters", parameters), ("start", start), ("inputs", wires)):
             if content:
                 entry[section] = content
+        if mapped and parameters:  # each member has its own
+            entry["parameters"] = {p: f"({value}) * i" for p, value in parameters.items()}
+            numbers = np.arange(1.0, MEMBERS + 1)[:, None]
+            parameters = {p: value * numbers for p, value in parameters.items()}
         block = oracle.Block(name, kind, parameters, read, MEMBERS if mapped else 0)
         block.integrator, block.inner_steps = integrator, inner
         shape = (MEMBERS, 2) if mapped else (2,)
