@@ -176,5 +176,5 @@ def test_what_a_method_would_ignore_is_refused(wired):
     with pytest.raises(DiagramErrors, match=r"diagram.yaml:3:\d+: block o: `inner_steps` is ignored under `joint`"):
         wired(text, "run.method=joint")
     with pytest.raises(DiagramErrors) as caught:
-        wired("run: {stop: 1, step: 0.1}\nblocks:\n  s: {type: Sine, integrator: rk4}\n")
+        wired("run: {stop: 1, step: 0.1}\nblocks:\n  s: {type: Sine, integrator: rk4, parameters: {A: 1}}\n")
     assert [type(e) for e in caught.value.errors] == [WrongValue]
