@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from cosim import supervision
-from cosim.supervision import GLANCE, Crew, Ended
+from cosim.supervision import GLANCE, Crew, Ended, Patience
 
 pytestmark = pytest.mark.skipif(not supervision.AVAILABLE, reason="needs fork")
 
@@ -39,7 +39,7 @@ def crew():
     made: list[Crew] = []
 
     def hire(patience: float, busy: bool = False, silence: object = 0) -> Crew:
-        crew = Crew(lambda: next(activity) if busy else silence, patience)
+        crew = Crew(Patience(lambda: next(activity) if busy else silence, patience))
         crew.hire("one", {"wait": lambda: os.read(hear, 1) and 42})
         made.append(crew)
         return crew
