@@ -20,6 +20,8 @@ from numba.core import ir as statements
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.postproc import PostProcessor
 from numba.extending import intrinsic
+from numba.np.ufunc.dufunc import DUFunc
+from numba.np.ufunc.gufunc import GUFunc
 
 WORD, REAL = ir.IntType(64), ir.DoubleType()
 REPEATED = 0x10000  # the largest exponent for which numba multiplies
@@ -166,6 +168,16 @@ class Widening(FunctionPass):
         return True
 
 
+def _is_foreign(function: Any) -> bool:
+    """Whether a function is another one for Python than for numba: of Python itself, of numpy, or made by numba."""
+    if isinstance(function, (np.ufunc, DUFunc, GUFunc)):
+        return True
+    module = getattr(function, "__module__", None) or "builtins"
+    if module.startswith("numba.core.unsafe"):  # into which `try` is translated
+        return False
+    return callable(function) and module.partition(".")[0] in ("math", "cmath", "random", "numpy", "builtins", "numba")
+
+
 class Arithmetic:
     """The part of `cosim.checks.Lowering` that looks at numbers."""
 
@@ -222,6 +234,11 @@ class Arithmetic:
     def _check_call(self, call: Any, inst: Any) -> None:
         kind = self.typeof(call.func.name)
         function = getattr(kind, "typing_key", None)
+        by_address = isinstance(kind, types.ExternalFunctionPointer)
+        if by_address or (isinstance(kind, types.Dispatcher) and not getattr(kind.dispatcher, "checked", False)):
+            raise errors.UnsupportedError(
+                "a function that cannot be checked: import a Python function by name", inst.loc
+            )
         if isinstance(kind, types.BoundFunction):
             name = function[1] if isinstance(function, tuple) else str(function).rpartition(".")[2]
             if isinstance(kind.this, types.Array) and name not in _METHODS:
@@ -229,9 +246,7 @@ class Arithmetic:
             return
         if isinstance(kind, types.NumberClass) and _narrow_number(kind.instance_type):
             raise errors.UnsupportedError(f"{kind.instance_type}(): {_LOOP}", inst.loc)
-        module = getattr(function, "__module__", None)
-        foreign = isinstance(function, np.ufunc) or module in ("math", "numpy", "builtins", "cmath")
-        if foreign and id(function) not in _KNOWN:
+        if _is_foreign(function) and id(function) not in _KNOWN:
             raise errors.UnsupportedError(f"{getattr(function, '__name__', function)}(): {_LOOP}", inst.loc)
         if isinstance(function, np.ufunc) and any(map(self._is_array, call.args)):
             if function.__name__ not in _UFUNCS.split() or not all(map(self._real, call.args)):
@@ -266,9 +281,8 @@ class Arithmetic:
         least, most = max(int(kind.minval), -1 << 63), min(int(kind.maxval), (1 << 63) - 1)
         if (least, most) == (-1 << 63, (1 << 63) - 1):
             return
-        wrong = self.builder.or_(
-            self.builder.icmp_signed("<", value, WORD(least)), self.builder.icmp_signed(">", value, WORD(most))
-        )
+        above = self.builder.sub(value, WORD(least))  # so that one comparison does for both ends
+        wrong = self.builder.icmp_unsigned(">", above, WORD(most - least))
         self._fault(wrong, f"OverflowError: %lld does not fit into {kind}", value)
 
     def _fault(self, wrong: Any, text: str, first: Any = None) -> None:
@@ -296,4 +310,4 @@ class Arithmetic:
 
 
 _ALLOCATES = "its result is a new array, which needs memory: write a loop, or give an array to write to"
-_LOOP = "it may not be the same number in both engines: write a loop with `math`"
+_LOOP = "not among what both engines have alike: write a loop with `math`"

@@ -132,13 +132,22 @@ def _refuse_foreign(module: Any, name: str) -> None:
         )
 
 
+#: What numba says of a function that writes to what it only reads: by index, as an output, by fill(), by `u += 1`.
+_WRITES = (
+    "Cannot modify readonly array",
+    "explicit output that is read-only",
+    r"array\.fill.*readonly",
+    "object has no attribute 'args'",
+)
+
+
 def _explain(error: Exception, name: str, place: str) -> KernelError:
     """The compiler's message, cut to what an author can use, with the line it names or the function's own."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     found = [re.sub(r'^File "(.*)", line (\d+).*', r"\1:\2", line) for line in lines if line.startswith("File ")]
     named = [line for line in found if not line.startswith("<adapter")]
     text = next((line for line in lines if not line.startswith(("Failed in", "During:"))), type(error).__name__)
-    if re.search("read-?only", str(error)) or "object has no attribute 'args'" in text:  # which numba says of `u += 1`
+    if any(re.search(words, str(error)) for words in _WRITES):
         text = "it writes to an input, a parameter or another array that is read-only"
     return KernelError(
         f"{name} cannot be compiled: {text} ({named[-1] if named else place})",

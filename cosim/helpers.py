@@ -71,12 +71,12 @@ class Helper(CPUDispatcher):
         self._compiler: Any
         self._compiler._customize_flags = self._flags
         self._disjoint = disjoint
-        self._checked = checked
+        self.checked = checked
 
     def _flags(self, flags: Any) -> Any:
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         flags.noalias = self._disjoint
-        flags.boundscheck = self._checked
+        flags.boundscheck = self.checked
         return flags
 
     def add_overload(self, result: Any) -> None:
@@ -105,6 +105,7 @@ def with_compiled_globals(
     scope = dict(function.__globals__)
     for name in _names(function.__code__):
         value = scope.get(name)
+        value = getattr(value, "py_func", value)  # an author's jitted function is compiled as the others are
         if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
             continue
         if value.__module__ == memory.__name__:

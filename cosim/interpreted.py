@@ -275,6 +275,7 @@ def _elementwise(ufunc: np.ufunc, scalar: Callable[..., Any] | None) -> Callable
 
 def seen(value: Any) -> Any:
     """What an interpreted function sees of a global, a default value, or a constant."""
+    value = getattr(value, "py_func", value)  # a jitted function
     if isinstance(value, types.FunctionType):
         return function(value)
     if isinstance(value, types.ModuleType):

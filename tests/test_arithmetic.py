@@ -5,6 +5,7 @@ import itertools
 import json
 import math
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -145,26 +146,55 @@ FAULTS = {
     "small[0] = i + 200": "OverflowError: 207 does not fit into int8",
     "byte[0] = i - 8": "OverflowError: -1 does not fit into uint8",
     "y[0] = big": "OverflowError: no 64-bit integer",
+    "r[0] = jitted(two, i)": "IndexError: index 7 is out of bounds for axis 0 of `array`, size 2 (tools.py:6)",
 }
 #: What the compiler refuses: (statement, what is said)
 REFUSED = {
     "y[0] = zero": "a real number is put into an array of int64",
     "flag[0] = zero": "a real number is put into an array of bool",
-    "r[0] = two.sum()": "sum\\(\\) of an array: it may not be the same number in both engines",
-    "r[0] = np.sum(two)": "sum\\(\\): it may not be the same number",
-    "r[0] = np.mean(two)": "mean\\(\\): it may not be the same number",
-    "np.sin(two, r)": "sin\\(\\) of arrays: it may not be the same number",
-    "r[0] = np.hypot(zero, 1.0)": "hypot\\(\\): it may not be the same number",
+    "r[0] = two.sum()": "sum\\(\\) of an array: not among what both engines have alike",
+    "r[0] = np.sum(two)": "sum\\(\\): not among what",
+    "r[0] = np.mean(two)": "mean\\(\\): not among what",
+    "np.sin(two, r)": "sin\\(\\) of arrays: not among what",
+    "r[0] = np.hypot(zero, 1.0)": "hypot\\(\\): not among what",
     "r[0] = (two + two)[0]": "its result is a new array",
     "r[0] = np.sqrt(two)[0]": "its result is a new array",
     "r //= two": "by \\+ - \\* /",
     "y += y": "arrays of float64 only",
-    "y[0] = np.int32(i)": "int32\\(\\): it may not be",
+    "y[0] = np.int32(i)": "int32\\(\\): not among what",
+    "r[0] = (two @ two)": "its result is a new array",
+    "r[0] = np.zeros(2)[1]": r"zeros\(\): not among what",
+    "r[0] = np.linalg.norm(two)": r"norm\(\): not among what",
+    "r[0] = np.random.normal()": r"normal\(\): not among what",
+    "r[0] = math.hypot(zero, 1.0)": r"hypot\(\): not among what",
+    "r[0] = np.lib.stride_tricks.as_strided(r, (9,), (8,))[8]": "not among what",
+    "r[0] = numba.carray(two, 9)[8]": "carray",
+    "r[0] = tools.jitted(two, 0)": "a function that cannot be checked",
+    "r[0] = vectorized(zero)": "not among what",
+    "r[0] = C_COS(zero)": "a function that cannot be checked",
     "raise ValueError(i)": "the arguments of an exception have to be constants",
 }
-SMALL = """import math
+TOOLS = """import numba
+
+
+@numba.njit
+def jitted(array, k):
+    return array[k]
+
+
+@numba.vectorize
+def vectorized(x):
+    return x + 1.0
+"""
+SMALL = """import ctypes
+import math
+import numba
 import numpy as np
+import tools
 from cosim import Block, Output, Parameter
+from tools import jitted, vectorized
+
+C_COS = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(math.cos)
 
 
 class Own(Block):
@@ -194,6 +224,8 @@ def told(tmp_path, monkeypatch, capsys):
         large = "large, " if "big" in statement else ""
         text = SMALL.format(statement=statement.replace("big", "large"), large=large)
         (tmp_path / "own.py").write_text(text)
+        (tmp_path / "tools.py").write_text(TOOLS)
+        monkeypatch.delitem(sys.modules, "tools", raising=False)
         (tmp_path / "d.yaml").write_text("run: {stop: 0.1, step: 0.1}\nblocks:\n  b: {python: 'own.py:Own'}\n")
         code = cli.main(["run", "d.yaml", "--engine", engine])
         return code, " ".join(capsys.readouterr().err.split())
@@ -209,7 +241,7 @@ LINE = SMALL.count("\n")
 def test_what_has_no_answer_is_an_error_in_both_engines(told, engine, statement):
     code, said = told(statement, engine)
     assert code == 1 and f"block b: outputs() failed at t = 0 s: {FAULTS[statement]}" in said
-    assert f"own.py:{LINE})" in said or "large" in statement or "big" in statement
+    assert f"own.py:{LINE})" in said or "big" in statement or "jitted" in statement
 
 
 @pytest.mark.parametrize("statement", REFUSED)
@@ -227,6 +259,9 @@ def test_a_real_number_is_no_integer_for_the_interpreted_engine_either(told, sta
 def test_breakpoints_hold_in_interpreted_functions(tmp_path, monkeypatch):
     """A debugger finds a line by file and number, of the code object that runs."""
     (tmp_path / "own.py").write_text(SMALL.format(statement="y[0] = i // 2", large=""))
+    (tmp_path / "tools.py").write_text(TOOLS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "tools", raising=False)
     (tmp_path / "d.yaml").write_text("run: {stop: 0.1, step: 0.1}\nblocks:\n  b: {python: 'own.py:Own'}\n")
     reached = []
 

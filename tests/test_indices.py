@@ -68,7 +68,6 @@ INSIDE = {
     "a slice is cut to the array": ("part = u[1:k]; y[1] = part[part.size - 1]", 10**9),
     "an empty slice": ("part = u[k:]; y[1] = part.size", 7),
     "a helper": ("put(y, k)", -1),
-    "caught by the author": ("y[1] = 2.0", 0),
 }
 
 
@@ -147,6 +146,19 @@ def test_inputs_cannot_be_written(ends, engine, body):
 def test_what_cannot_be_checked_is_not_compiled(ends, body):
     code, said = ends(body, 0, "native")
     assert code == 2 and f"(own.py:{LINE})" in said
+
+
+@engines
+def test_an_author_may_catch_it(ends, engine):
+    body = "try:\n            y[k] = 5.0\n        except Exception:\n            y[1] = 7.0"
+    code, said = ends(body, 9, engine, "metrics: {last: {signal: b.y, reduce: final}}\n")
+    assert code == 0 and '"last": [1.0, 7.0]' in said, said
+
+
+@engines
+def test_a_block_that_stays_python_tells_it_too(ends, engine):
+    code, said = ends("y[k] = 1.0", 2, engine, head=HEAD.replace("Own(Block)", "Own(Block, compiled=False)"))
+    assert code == 1 and f"index 2 is out of bounds for axis 0 of `y`, size 2 (own.py:{LINE})" in said
 
 
 def test_what_stands_behind_an_array_is_not_touched(ends):

@@ -189,3 +189,32 @@ def test_a_start_value_that_the_fmu_calculates_is_refused(partners, tmp_path):
     outcome = Run(run.load(partners(SINGLE.format(fmu=path, more="start: {v: 1}")))).execute()
     assert isinstance(outcome.error, WrongValue)
     assert "calculates `v`" in str(outcome.error)
+
+
+LATE = """from cosim import Block, Input, Output
+
+
+class Late(Block{more}):
+    x = Input()
+    y = Output()
+
+    def outputs(time, x, y):
+        y[0] = x
+        if time > 0.255:
+            y[3] = x
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("more", ["", ", compiled=False"])
+def test_a_block_that_fails_beside_an_fmu_tells_why_from_its_process(machines, partners, tmp_path, engine, more):
+    (tmp_path / "late.py").write_text(LATE.format(more=more))
+    text = f"""
+        run: {{stop: 1, step: 0.01}}
+        blocks:
+          plant: {{fmu: {machines["2"]}, mode: co-simulation}}
+          late: {{python: late.py:Late, inputs: {{x: plant.x}}}}
+        """
+    outcome = Run(run.load(partners(text)), engine).execute()
+    said = "block late: outputs() failed at t = 0.26 s: IndexError: index 3 is out of bounds for axis 0 of `y`, size 1"
+    assert f"{said} (late.py:11)" in str(outcome.error)
