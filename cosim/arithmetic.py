@@ -94,7 +94,7 @@ _ALLOWED: dict[Any, set[str]] = {
     np: {"float64", "int64", "bool_", "isnan", "isinf", "isfinite", *_UFUNCS.split(), *_SCALARS.split()},
 }
 _KNOWN = {id(getattr(module, name)) for module, names in _ALLOWED.items() for name in names}
-_METHODS = {"fill", "item", "max", "min", "argmax", "argmin", "any", "all", "transpose"}
+_METHODS = {"fill", "item", "argmax", "argmin"}
 
 
 @intrinsic
@@ -190,6 +190,8 @@ class Arithmetic:
         """Emit what has to hold before a statement is done, or refuse it."""
         if isinstance(inst, (statements.SetItem, statements.StaticSetItem)):
             self._check_store(inst)
+        elif isinstance(inst, statements.Print):
+            raise errors.UnsupportedError("print()", inst.loc)
         value = getattr(inst, "value", None)
         if not isinstance(value, statements.Expr):
             return
@@ -198,6 +200,8 @@ class Arithmetic:
             self._check_operator(function, value.lhs, value.rhs, inst)
         elif value.op == "call":
             self._check_call(value, inst)
+        elif value.op == "getattr" and value.attr == "ctypes":
+            raise errors.UnsupportedError("an address may not be known", inst.loc)
         elif value.op == "arrayexpr" or (value.op == "unary" and self._is_array(value.value)):
             raise errors.UnsupportedError(_ALLOCATES, inst.loc)
 
@@ -270,8 +274,10 @@ class Arithmetic:
 
     def _check_store(self, inst: Any) -> None:
         array, value = self.typeof(inst.target.name), self.typeof(inst.value.name)
-        if not isinstance(array, types.Array) or isinstance(value, types.Array):
+        if not isinstance(array, types.Array):
             return
+        if isinstance(value, types.Array):
+            raise errors.UnsupportedError("an array cannot be put into another at once: write a loop", inst.loc)
         if isinstance(value, types.Float) and not isinstance(array.dtype, types.Float):
             raise errors.UnsupportedError(f"a real number is put into an array of {array.dtype}", inst.loc)
         if isinstance(value, types.Integer) and isinstance(array.dtype, types.Integer):

@@ -202,7 +202,7 @@ class Lowering(Arithmetic, Lower):
         """A variable as the author wrote it."""
         constant = guard(get_definition, self.func_ir, variable)
         name = constant.name if isinstance(constant, (statements.Global, statements.FreeVar)) else variable.name
-        return "an array" if name.startswith("$") else f"`{name.partition('.')[0]}`"
+        return "an array" if name.startswith(("$", "closure__")) else f"`{name.partition('.')[0]}`"
 
     def _called(self, expression: Any) -> Any:
         kind = self.typeof(expression.func.name)

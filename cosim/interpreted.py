@@ -285,7 +285,9 @@ def seen(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(seen, value))
     if isinstance(value, np.ndarray):
-        return value.view(Array)
+        array = value.view(Array)
+        array.flags.writeable = False  # a constant, for kernels
+        return array
     try:
         return _STANDING.get(value, number(value))
     except (TypeError, OverflowError):  # not hashable, or no number of ours

@@ -172,6 +172,9 @@ REFUSED = {
     "r[0] = tools.jitted(two, 0)": "a function that cannot be checked",
     "r[0] = vectorized(zero)": "not among what",
     "r[0] = C_COS(zero)": "a function that cannot be checked",
+    "r[:] = two": "an array cannot be put into another at once",
+    "print(i)": r"print\(\)",
+    "r[0] = two.ctypes.data": "an address",
     "raise ValueError(i)": "the arguments of an exception have to be constants",
 }
 TOOLS = """import numba

@@ -134,7 +134,7 @@ def test_arrays_of_one_shape_do(ends, engine, body):
 
 @engines
 @pytest.mark.parametrize(
-    "body", ["u[0] = 1.0", "put(u, 0)", "m[0][0] = 1.0", "u += 1.0", "u.fill(1.0)", "np.add(y, y, u)"]
+    "body", ["u[0] = 1.0", "put(u, 0)", "m[0][0] = 1.0", "u += 1.0", "u.fill(1.0)", "np.add(y, y, u)", "TABLE[0] = 1.0"]
 )
 def test_inputs_cannot_be_written(ends, engine, body):
     code, said = ends(body, 0, engine)
