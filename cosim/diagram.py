@@ -6,7 +6,8 @@ What blocks, ports and parameters mean is not known here: that is the wiring's c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from cosim.errors import (
     MetricError,
     Position,
     Problems,
+    WrongFile,
     WrongType,
     WrongValue,
 )
@@ -86,6 +88,7 @@ class Diagram:
     inputs: the ports that each input of the diagram drives where it is a block of another; outputs: the port that each
     output shows. files: all that were read, the diagram's own first. unread: the blocks that mistakes keep from being
     understood, so that a wire to one is no further mistake. swaps: of blocks that are diagrams.
+    extended: the files that it extends.
     """
 
     title: str
@@ -100,6 +103,7 @@ class Diagram:
     outputs: dict[str, Node]
     unread: set[str]
     swaps: list[Swap]
+    extended: list[Path] = field(default_factory=list)
 
     def resolved(self) -> str:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
@@ -131,18 +135,60 @@ def load(
     except CosimError as error:
         found.add(error)
         raise DiagramErrors(found.errors) from None
+    if "diagram" in tree.value and "blocks" not in tree.value:
+        message = f"`{path}` is a study, not a diagram"
+        place = tree.value["diagram"].place
+        raise DiagramErrors([WrongFile(message, place, f"cosim study {path}; its diagram is `{_named(tree, files)}`")])
     tree = apply_settings(apply_swaps(tree, swaps, found), settings, found)
     diagram = build(tree, files, found)
     if problems is None:
+        note_inherited(diagram, found)
         found.raise_if_any()
     return diagram
+
+
+def _named(tree: Node, files: list[Path]) -> Path:
+    """The file that a study names as its diagram."""
+    return Path(os.path.normpath(files[0].parent / str(tree.value["diagram"].value)))
+
+
+def note_inherited(diagram: Diagram, problems: Problems) -> None:
+    """Let each mistake say so that lies in what the diagram, or a block of another type, only inherits."""
+    from_other_type = {
+        place: entry
+        for entry in diagram.blocks.values()
+        if entry.type.replaces
+        for section in ("parameters", "start", "inputs", "dimensions")
+        for node in getattr(entry, section).values()
+        if node.inherited
+        for place in _places(node)
+    }
+    extended = {str(path) for path in diagram.extended}
+    for error in problems.errors:
+        if error.position in from_other_type and isinstance(error.position, Position):
+            entry = from_other_type[error.position]
+            assert entry.type.replaces
+            said = f"inherited: written at {error.position} for {entry.type.replaces[1].value}"
+        elif error.position and error.position.file in extended and error.position.line:
+            said = f"inherited: {diagram.path} extends {error.position.file}"
+        else:
+            continue
+        if said not in error.message:
+            error.message += f" ({said})"
+            error.args = (error.message,)
+
+
+def _places(node: Node) -> Iterator[Position]:
+    yield from (node.position, node.place)
+    for child in node.value if isinstance(node.value, list) else ():
+        yield from _places(child)
 
 
 def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     """The diagram of a tree whose layers are merged; mistakes go to `problems`. files: those it was read from."""
     reader = Reader(problems)
     tree = grammar.conform(tree, problems)
-    path = files[0]
+    path, extended = files[0], files[1:]
     network = read_network(tree, path, files, reader)
     sections = {key: node.value for key, node in tree.value.items()}
     run = _run(tree, reader)
@@ -156,7 +202,9 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     metrics = {name: _metric(name, node, network, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}
     blocks, inputs, outputs, unread = network.blocks, network.inputs, network.outputs, network.unread
-    return Diagram(title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, network.swaps)
+    return Diagram(
+        title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, network.swaps, extended
+    )
 
 
 def _run(tree: Node, reader: Reader) -> RunSettings:

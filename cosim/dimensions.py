@@ -22,6 +22,7 @@ class _Dimensions:
         self.values = values
         self.fleets = fleets
         self.problems = problems
+        self.origins: dict[tuple[str, int | str], str] = {}  # by slave and dimension: what gave it its size
 
     def solve(self) -> None:
         """From wires, then from values, until nothing new is learnt."""
@@ -48,7 +49,7 @@ class _Dimensions:
         if len(axes) != len(variable.shape):
             raise self._shape_error(slave, variable, axes, node)
         for dimension, axis in zip(variable.shape, axes, strict=True):
-            if not self._unify(slave, dimension, axis):
+            if not self._unify(slave, dimension, axis, f"input `{port}` at {node.position}"):
                 raise self._shape_error(slave, variable, axes, node)
 
     def _arriving(self, slave: Slave, port: str) -> tuple[Axis, ...] | None:
@@ -80,12 +81,14 @@ class _Dimensions:
             raise WrongShape(message, slave.entry.inputs[port].position, f"take members 1 to {size}" if size else "")
         return source.axes(axes)
 
-    def _unify(self, slave: Slave, dimension: int | str, axis: Axis) -> bool:
+    def _unify(self, slave: Slave, dimension: int | str, axis: Axis, origin: str) -> bool:
+        """Whether an axis has the size of a dimension, which it gives it if there is none yet."""
         if isinstance(dimension, int):
             return dimension == axis.size
         known = slave.axes.get(dimension)
         if known is None or (known.size == axis.size and known.fleet is None):
             slave.axes[dimension] = axis
+            self.origins.setdefault((slave.name, dimension), origin)
             return True
         return known.size == axis.size
 
@@ -116,7 +119,7 @@ class _Dimensions:
                 raise FleetMismatch(message, value.position, fix)
             shape = shape[1:]
         elif len(shape) == rank - 1:  # one row, evaluated for each member of the first axis
-            if not self._unify_all(slave, variable.shape[1:], shape):
+            if not self._unify_all(slave, variable, variable.shape[1:], shape, value):
                 raise self._value_error(slave, variable, value)
             return True
         if len(shape) == rank and rank and slave.counts_members(variable.shape[0]):
@@ -124,16 +127,26 @@ class _Dimensions:
             if shape[0] != size:
                 message = f"block {slave.name}: `{variable.name}` has {shape[0]} entries for a fleet of {size}"
                 raise FleetMismatch(message, value.position, "give one for each member, or an expression in i")
-        if len(shape) != rank or not self._unify_all(slave, variable.shape, shape):
+        if len(shape) != rank or not self._unify_all(slave, variable, variable.shape, shape, value):
             raise self._value_error(slave, variable, value)
         return True
 
-    def _unify_all(self, slave: Slave, dimensions: tuple[int | str, ...], shape: tuple[int, ...]) -> bool:
-        return all([self._unify(slave, d, Axis(n)) for d, n in zip(dimensions, shape, strict=True)])
+    def _unify_all(
+        self,
+        slave: Slave,
+        variable: Variable,
+        dimensions: tuple[int | str, ...],
+        shape: tuple[int, ...],
+        value: Value,
+    ) -> bool:
+        origin = f"`{variable.name}` at {value.position}"
+        return all([self._unify(slave, d, Axis(n), origin) for d, n in zip(dimensions, shape, strict=True)])
 
     def _value_error(self, slave: Slave, variable: Variable, value: Value) -> WrongShape:
         expected = ", ".join(self._dimension_text(slave, d) for d in variable.shape)
         message = f"block {slave.name}: `{variable.name}` has the shape ({expected}), not {value.shape}"
+        given = {d: self.origins[slave.name, d] for d in variable.shape if (slave.name, d) in self.origins}
+        message += "".join(f"; `{d}` is that of {origin}" for d, origin in given.items())
         return WrongShape(message, value.position, "give a list of that shape, or one number for all elements")
 
 

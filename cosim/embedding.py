@@ -76,10 +76,15 @@ def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chai
     network = Network()
     chain = (*chain, os.path.realpath(path))
     overlays = _overlays(written)
+    typed = [name for name, node in written.items() if set(grammar.TYPES) & set(_mapping(node))]
     for name, node in written.items():
+        if node.value is None and not any(name in below for below in overlays.values()):
+            message = f"`{name}: ~` takes away a block inside a diagram, and there is no such diagram"
+            reader.problems.add(WrongValue(message, node.place, "remove this line"))
+            continue
         if any(name in below for below in overlays.values()):
             continue
-        entry = read_entry(name, node, reader)
+        entry = read_entry(name, node, reader, typed)
         if entry and entry.kind == "diagram":
             below = {key.removeprefix(f"{name}/"): value for key, value in overlays.get(name, {}).items()}
             _unfold(network, entry, below, files, reader, chain)
@@ -97,13 +102,17 @@ def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chai
     return network
 
 
+def _mapping(node: Node) -> dict[str, Node]:
+    return node.value if isinstance(node.value, dict) else {}
+
+
 def _section(tree: Node, key: str) -> dict[str, Node]:
     return tree.value[key].value if key in tree.value else {}
 
 
 def _overlays(written: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     """For each diagram among the blocks, what stands beside it about blocks inside it."""
-    diagrams = [name for name, node in written.items() if "diagram" in node.value]
+    diagrams = [name for name, node in written.items() if "diagram" in _mapping(node)]
     return {d: {name: node for name, node in written.items() if name.startswith(f"{d}/")} for d in diagrams}
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -86,12 +87,17 @@ class BlockEntry:
         return result
 
 
-def read_entry(name: str, node: Node, reader: Reader) -> BlockEntry | None:
-    """The entry that a mapping says; None if its type is not clear. Mistakes go to the reader's problems."""
+def read_entry(name: str, node: Node, reader: Reader, others: Iterable[str] = ()) -> BlockEntry | None:
+    """The entry that a mapping says; None if its type is not clear. Mistakes go to the reader's problems.
+
+    others: the diagram's blocks with a type, of which one may be meant.
+    """
     reader.block_name(name, node)
     kinds = [kind for kind in grammar.TYPES if kind in node.value]
     if not kinds:
+        close = get_close_matches(name, others, n=1, cutoff=0.5)
         fix = "write `block: ClassName`, or python:, fmu: or diagram:"
+        fix = f"did you mean `{close[0]}`? Or {fix}" if close else fix
         reader.missing(node, f"block `{name}` has no type", fix)
         return None
     for kind in kinds[1:]:

@@ -55,6 +55,10 @@ class MissingFile(CosimError):
     """A file that the diagram or the command line names does not exist or cannot be read."""
 
 
+class WrongFile(CosimError):
+    """A file of another kind than the command takes: a study for a diagram, or a diagram for a study."""
+
+
 class CircularExtends(CosimError):
     """An overlay extends itself, at once or through others."""
 

@@ -12,7 +12,7 @@ from cosim.errors import Position
 from cosim.network import Network, Slave
 from cosim.run import reduced
 from cosim.source import Node
-from cosim.terminal import TIED, print_rows, print_warnings, print_wrapped
+from cosim.terminal import TIED, print_rows, print_warnings, print_wrapped, say
 
 VERDICTS = {True: "holds", False: "FAILS", None: "open "}
 TEXT_COLUMN = 9
@@ -22,21 +22,26 @@ def print_network(network: Network) -> None:
     """The slaves in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
     run = network.diagram.run
     _, warnings = reduced(network)
-    tasks = order.evaluation_order(network)
-    print(f"{network.diagram.title or network.diagram.path.name}: {len(network.slaves)} blocks, valid")
-    print(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
+    valid = "valid as far as can be told without their code" if network.unchecked else "valid"
+    say(f"{network.diagram.title or network.diagram.path.name}: {len(network.diagram.blocks)} blocks, {valid}")
+    say(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
     for swap in network.swaps:
-        print(swap)
+        say(str(swap))
     if network.swaps:
-        print()
+        say("")
     print_rows([_slave_row(network, slave) for slave in network.slaves.values()])
-    shown = [f"{t.slave}.{t.function}" for t in tasks if t.function]
-    print()
+    say("")
+    if network.unchecked:
+        files = [f"{name} ({network.diagram.blocks[name].path})" for name in network.unchecked]
+        print_wrapped(f"not checked, as only their code tells what they are: {', '.join(files)}", 2)
+        say("nor what is wired to them, the order of evaluation, and conditions")
+        return
+    shown = [f"{t.slave}.{t.function}" for t in order.evaluation_order(network) if t.function]
     print_wrapped(f"evaluated in this order: {', '.join(shown)}", 2)
     findings = [*network.findings, *rules.conditions(network)]
     along = rules.along(network)
     if findings or along:
-        print("\nconditions:")
+        say("\nconditions:")
     for finding in findings:
         print_wrapped(f"  {VERDICTS[finding.holds]}  {finding.summary}", TEXT_COLUMN)
     for slave, rule, _ in along:
@@ -58,10 +63,10 @@ def print_blocks(name: str | None) -> None:
     if name is None:
         blocks = library.all_blocks()
         print_rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
-        print("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
+        say("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
         return
     declaration = _block(name).declaration
-    print(f"{declaration.name}\n\n{declaration.doc}\n")
+    say(f"{declaration.name}\n\n{declaration.doc}\n")
     for title, causality in (
         ("inputs", "input"),
         ("outputs", "output"),
@@ -70,15 +75,15 @@ def print_blocks(name: str | None) -> None:
     ):
         variables = [v for v in declaration.variables.values() if v.causality == causality]
         if variables:
-            print(f"{title}:")
+            say(f"{title}:")
             print_rows([_variable_row(declaration, v) for v in variables], indent="  ")
-            print()
+            say("")
     if declaration.dimensions:
-        print("dimensions:")
+        say("dimensions:")
         print_rows([[n, f"default {d.default}", d.description] for n, d in declaration.dimensions.items()], indent="  ")
-        print()
+        say("")
     for rule in declaration.rules:
-        print(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
+        say(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
 
 
 def _block(name: str) -> type[Block]:

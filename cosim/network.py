@@ -122,12 +122,13 @@ class Slave:
 
 @dataclass
 class Network:
-    """A resolved diagram."""
+    """A resolved diagram. unchecked: blocks that are left out, as their code was not to be run."""
 
     diagram: Diagram
     slaves: dict[str, Slave]
     findings: list[Finding] = field(default_factory=list)
     swaps: list[Swap] = field(default_factory=list)
+    unchecked: list[str] = field(default_factory=list)
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cosim.block import Course, Input, Parameter, Rule
-from cosim.errors import CosimError, Problems, RuleViolation
+from cosim.errors import CosimError, DeclarationError, Problems, RuleViolation
 from cosim.network import Finding, Network, Signal, Slave
 
 
@@ -24,17 +25,33 @@ class Source:
 
 
 def check(slaves: dict[str, Slave], names: Iterable[str], problems: Problems) -> None:
-    """Judge the rules of the named slaves. Every RuleViolation goes to `problems`."""
+    """Judge the rules of the named slaves, those that see only what is known, where other mistakes hide some of it.
+
+    Every RuleViolation, and the DeclarationError of a rule that is broken itself, goes to `problems`.
+    """
     for name in names:
         slave = slaves[name]
         for rule in slave.declaration.rules:
-            if rule.warning:
-                continue
-            for member in range(slave.count):
-                holds, numbers = _judge(slaves, slave, rule, member, {})
-                if not holds:
-                    problems.add(_violation(slave, rule, numbers))
-                    break
+            if not rule.warning and _can_judge(slaves, slave, rule):
+                problems.attempt(_enforce, slaves, slave, rule)
+
+
+def _enforce(slaves: dict[str, Slave], slave: Slave, rule: Rule) -> None:
+    for member in range(slave.count):
+        holds, numbers = _judge(slaves, slave, rule, member, {})
+        if not holds:
+            raise _violation(slave, rule, numbers)
+
+
+def _can_judge(slaves: dict[str, Slave], slave: Slave, rule: Rule) -> bool:
+    """Whether all that a rule may see is known; one that names an input may see any block before its own."""
+    variables = slave.declaration.variables
+    if any(isinstance(variables.get(name), Input) for name in rule.arguments):
+        wires = [source for other in slaves.values() for sources in other.wires.values() for source in sources]
+        return all(source.variable for source in wires) and all(
+            v.name in other.values for other in slaves.values() for v in other.declaration.of(Parameter)
+        )
+    return all(name in slave.axes or name in slave.values for name in rule.arguments)
 
 
 def conditions(network: Network) -> list[Finding]:
@@ -98,10 +115,19 @@ def _findings(network: Network, slave: Slave, rule: Rule, courses: Mapping[str, 
 def _judge(
     slaves: dict[str, Slave], slave: Slave, rule: Rule, member: int, known: Mapping[str, Any]
 ) -> tuple[bool | None, str]:
+    """Whether a rule holds, None where nobody can say, and its numbers. Raises: DeclarationError."""
     arguments = [_argument(slaves, slave, name, member, known) for name in rule.arguments]
-    result = rule.function(*arguments)
-    holds, numbers = result if isinstance(result, tuple) else (result, "")
-    return None if holds is None else bool(holds), numbers
+    try:
+        result = rule.function(*arguments)
+        holds, numbers = result if isinstance(result, tuple) else (result, "")
+        return None if holds is None else bool(holds), str(numbers)
+    except Exception as error:
+        code = getattr(rule.function, "__code__", None)
+        place = f" at {os.path.relpath(code.co_filename)}:{code.co_firstlineno}" if code else ""
+        kind = "condition" if rule.warning else "rule"
+        message = f"block {slave.name}: the {kind} `{rule.text}` of {slave.declaration.name} cannot be judged: "
+        fix = f"correct its function{place}; it returns whether it holds, or that and a text"
+        raise DeclarationError(f"{message}{type(error).__name__}: {error}", slave.entry.position, fix) from None
 
 
 def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> Any:

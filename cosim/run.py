@@ -86,10 +86,13 @@ class Outcome:
         return json.dumps(reductions.for_json(content), ensure_ascii=False)
 
 
-def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = ()) -> Network:
-    """Read and wire a diagram. Raises: DiagramErrors with all mistakes, of the grammar and of the wiring."""
+def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = (), code: bool = True) -> Network:
+    """Read and wire a diagram; without `code`, as of `wiring.wire`.
+
+    Raises: DiagramErrors with all mistakes, of the grammar and of the wiring.
+    """
     problems = Problems()
-    return wiring.wire(diagrams.load(path, settings, swaps, problems), problems)
+    return wiring.wire(diagrams.load(path, settings, swaps, problems), problems, code)
 
 
 class Run:

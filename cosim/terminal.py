@@ -38,6 +38,18 @@ PATIENCE = 0.3
 ASCII = str.maketrans({"–": "-", "—": "-", "×": "x", "…": "...", "µ": "u", "²": "2", "³": "3", "√": "sqrt ", "·": "."})
 
 
+CONTROLS = {
+    code: f"\\x{code:02x}" if code < 256 else f"\\u{code:04x}"
+    for code in (*range(9), *range(11, 32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+}
+"""What would steer a terminal, or turn the direction of text, spelled out."""
+
+
+def say(text: str) -> None:
+    """Print a line to standard output, in which nothing from a file steers the terminal."""
+    print(text.translate(CONTROLS))
+
+
 def metrics_table(
     metrics: Mapping[str, Any],
     previous: Mapping[str, Any] | None = None,
@@ -109,6 +121,7 @@ def print_rows(rows: Sequence[Sequence[str]], indent: str = "", file: IO[str] | 
 def print_wrapped(text: str, hanging: int, file: IO[str] | None = None) -> None:
     """Print a text, broken between words where the line ends; further lines are indented. TIED keeps words together."""
     file = file or sys.stdout
+    text = text.translate(CONTROLS)
     width = line_width(file)
     if width and len(text) > width:
         begin, rest = text[:hanging], text[hanging:]
@@ -305,6 +318,7 @@ def _ascii_only(console: Console) -> bool:
 
 def _plain(text: str, console: Console) -> str:
     """The same text with the characters that the terminal can show."""
+    text = text.translate(CONTROLS)
     if not _ascii_only(console):
         return text
     return text.translate(ASCII).encode(console.encoding, "replace").decode(console.encoding)

@@ -8,15 +8,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 
 import numpy as np
 
 from cosim import dimensions, order, rules, swaps, units
 from cosim.block import Block, Input, Local, Parameter, State, Variable
-from cosim.diagram import BlockEntry, Diagram
+from cosim.diagram import BlockEntry, Diagram, note_inherited
 from cosim.errors import (
     MissingParameter,
     NotWirable,
+    Position,
     Problems,
     TooManyInstances,
     UnconnectedInput,
@@ -35,12 +37,16 @@ from cosim.source import Node
 from cosim.swaps import Swap
 from cosim.values import Value
 
+_PLACES = 8
 INTEGERS = (np.dtype(np.int32), np.dtype(np.int64))
 
 
-def wire(diagram: Diagram, problems: Problems | None = None) -> Network:
-    """Resolve a diagram; `problems` may already hold mistakes. Raises: DiagramErrors with all of them."""
-    return _Wiring(diagram, problems or Problems()).network()
+def wire(diagram: Diagram, problems: Problems | None = None, code: bool = True) -> Network:
+    """Resolve a diagram; `problems` may already hold mistakes. Raises: DiagramErrors with all of them.
+
+    Without `code`, blocks of `python:` files are left out, whose code would have to run, and named as `unchecked`.
+    """
+    return _Wiring(diagram, problems or Problems(), code).network()
 
 
 def revalue(network: Network, values: Mapping[Signal, Value]) -> Network:
@@ -71,35 +77,43 @@ def revalue(network: Network, values: Mapping[Signal, Value]) -> Network:
 class _Wiring:
     """The stages of resolving one diagram; each collects its mistakes and goes on with what is left."""
 
-    def __init__(self, diagram: Diagram, problems: Problems) -> None:
+    def __init__(self, diagram: Diagram, problems: Problems, code: bool) -> None:
         self.diagram = diagram
         self.problems = problems
+        self.unchecked = [e.name for e in diagram.blocks.values() if e.kind == "python" and not code]
+        self.missing: dict[str, list[tuple[Node, str]]] = {}
         self.slaves: dict[str, Slave] = {}
         self.values: dict[tuple[str, str], Value] = {}
         self.swaps: list[Swap] = [*diagram.swaps]
 
     def network(self) -> Network:
         for entry in self.diagram.blocks.values():
-            self.problems.attempt(self._slave, entry)
+            if entry.name not in self.unchecked:
+                self.problems.attempt(self._slave, entry)
         for slave in self.slaves.values():
             self.problems.attempt(self._names, slave)
             self.problems.attempt(self._wires, slave)
         self._agree_on_integers()
         dimensions.solve(self.slaves, self.values, self.diagram.fleets, self.problems)
         dimensions.report_sizes(self.slaves, self.values, self.problems)
-        if not self.problems.errors:
+        if self._is_whole():
             self.problems.attempt(order.initial_order, Network(self.diagram, self.slaves))
-        if not self.problems.errors:  # else what is missing may only be a consequence
+        if self._is_whole():  # else what is missing may only be a consequence
             dimensions.report_unsolved(self.slaves, self.problems)
         for slave in self.slaves.values():
             if all(slave.signal_axes(v) is not None for v in slave.declaration.variables.values()):
                 self._evaluate(slave)
         self._check_wires()
         self._check_signals()
-        if not self.problems.errors:
-            rules.check(self.slaves, self.slaves, self.problems)
+        self._report_missing()
+        rules.check(self.slaves, self.slaves, self.problems)
+        note_inherited(self.diagram, self.problems)
         self.problems.raise_if_any()
-        return Network(self.diagram, self.slaves, swaps=self.swaps)
+        return Network(self.diagram, self.slaves, swaps=self.swaps, unchecked=self.unchecked)
+
+    def _is_whole(self) -> bool:
+        """Whether all blocks are known and nothing is wrong so far."""
+        return not (self.problems.errors or self.missing or self.unchecked)
 
     # ---- blocks and names ----
 
@@ -215,14 +229,14 @@ class _Wiring:
                 self.problems.add(UnconnectedInput(message, slave.entry.position, fix))
 
     def _source(self, slave: Slave, taker: str, node: Node) -> Signal:
-        """What an input is wired to. Raises: UnknownBlock, UnknownPort, NotWirable."""
+        """What an input is wired to. Raises: UnknownPort, NotWirable."""
         name, port = endpoint(str(node.value))
         port, members = _members(port)
         if name in self._unknown:
             return Signal(slave.name, "")
         if name not in self.slaves:
-            message = f"block {slave.name}: `{node.value}` names no block of the diagram"
-            raise UnknownBlock(message, node.position, nearest(name, self.slaves))
+            self.missing.setdefault(name, []).append((node, slave.name))
+            return Signal(slave.name, "")
         source = self.slaves[name].declaration
         outputs = {v.name for v in source.variables.values() if v.causality == "output"}
         locals_ = {v.name for v in source.of(Local, State)} - outputs
@@ -283,12 +297,48 @@ class _Wiring:
             raise WrongDataType(message, position, "wire a signal of that data type")
 
     def _check_signals(self) -> None:
-        network = Network(self.diagram, self.slaves)
+        """What is recorded is there, and the metrics fit what they reduce."""
         record = self.diagram.record
-        named = [*(record.signals if record else ()), *(m.signal for m in self.diagram.metrics.values())]
-        for node in named:
-            if endpoint(str(node.value))[0] not in self._unknown:
-                self.problems.attempt(network.find, str(node.value), node.position)
+        for node in record.signals if record else ():
+            self._found(node)
+        metrics = {name: metric for name, metric in self.diagram.metrics.items() if self._found(metric.signal)}
+        if self.diagram.run.steps:
+            from cosim.run import reduced  # which imports this module
+
+            self.problems.attempt(reduced, Network(replace(self.diagram, metrics=metrics), self.slaves))
+
+    def _found(self, node: Node) -> bool:
+        """Whether a signal that is named is there and its shape is known; if it is not there, that is a mistake."""
+        name = endpoint(str(node.value))[0]
+        if name not in self.slaves:
+            if name not in self._unknown:
+                self.missing.setdefault(name, []).append((node, ""))
+            return False
+        network = Network(self.diagram, self.slaves)
+        signal = self.problems.attempt(network.find, str(node.value), node.position)
+        return signal is not None and self.slaves[name].signal_axes(network.variable(signal)) is not None
+
+    def _report_missing(self) -> None:
+        """One mistake for each block that is not there, however many wires and signals name it."""
+        for name, uses in self.missing.items():
+            uses.sort(key=lambda use: (use[0].position.file, use[0].position.line, use[0].position.column))
+            node, taker = uses[0]
+            message = f"`{node.value}` names no block of the diagram"
+            message = f"block {taker}: {message}" if taker else message
+            if len(uses) > 1:
+                places = [_place(n.position, node.position.file) for n, _ in uses]
+                message = f"the diagram has no block `{name}`, which {len(uses)} wires and signals name"
+                message += f", those at {', '.join(places[:_PLACES])}" + (", …" if len(places) > _PLACES else "")
+            fix = self._meant(name, {_members(endpoint(str(n.value))[1])[0] for n, _ in uses})
+            self.problems.add(UnknownBlock(message, node.position, fix))
+
+    def _meant(self, name: str, ports: set[str]) -> str:
+        """The usual fix: the block of the nearest name, or else the one that has the ports which are asked for."""
+        able = {n for n, slave in self.slaves.items() if ports <= set(slave.declaration.variables)}
+        close = get_close_matches(name, able, n=1, cutoff=0.5) or get_close_matches(name, self.slaves, n=1, cutoff=0.5)
+        if not close and len(able) == 1 and len(ports) > 1:
+            return f"did you mean `{able.pop()}`, which has {', '.join(sorted(ports))}?"
+        return nearest(close[0] if close else name, self.slaves)
 
     @property
     def _unknown(self) -> set[str]:
@@ -322,6 +372,11 @@ def _members(port: str) -> tuple[str, tuple[int, int] | int | None]:
     if not match or not 1 <= int(match[2]) <= int(match[3] or match[2]):
         return port, None
     return match[1], (int(match[2]), int(match[3])) if match[3] else int(match[2])
+
+
+def _place(position: Position, file: str) -> str:
+    """A place; in the same file, line and column alone."""
+    return f"{position.line}:{position.column}" if position.file == file and position.line else str(position)
 
 
 def _or_ports(name: str, outputs: set[str]) -> str:

@@ -155,6 +155,116 @@ def test_a_parameter_that_breaks_a_blocks_rule_is_refused(formation, capsys, set
     assert f"--set blocks.{setting}" in text
 
 
+def test_a_renamed_block_is_one_mistake_with_its_new_name(formation, write, capsys):
+    path = write(formation.read_text().replace("\n  plant:", "\n  robots:"))
+    code, text = check(path, capsys)
+    assert code == 2 and text.count("error: ") == 1, text
+    assert "no block `plant`, which 13 wires and signals name" in text
+    assert re.search(rf"{re.escape(str(path))}:\d+:\d+: error", text)
+    assert "did you mean `robots`, which has radius, v, x?" in text
+
+
+def test_an_overlay_that_names_a_block_wrongly(formation, write, capsys):
+    code, text = check(write(f"extends: {formation}\nblocks: {{obsever: {{parameters: {{width: 3}}}}}}\n"), capsys)
+    assert code == 2 and "block `obsever` has no type" in text and "did you mean `observer`?" in text
+
+
+def test_a_study_is_no_diagram_and_a_diagram_no_study(formation, capsys):
+    """Whichever command is given the wrong kind of file says what the file is, and which command takes it."""
+    study = formation.parent / "studies" / "observers.yaml"
+    code, text = check(study, capsys)
+    assert code == 2 and text.count("error: ") == 1
+    assert "is a study, not a diagram" in text and f"fix: cosim study {study}" in text
+    for path in (formation, formation.with_name("oft_observer.yaml")):
+        code = cli.main(["study", str(path)])
+        text = capsys.readouterr().err
+        assert code == 2 and text.count("error: ") == 1
+        assert "is a diagram, not a study" in text and f"fix: cosim run {path}" in text
+
+
+def test_a_mistake_in_what_is_inherited_says_so(formation, write, capsys):
+    overlay = write(f"extends: {formation}\nblocks: {{observer: {{parameters: {{gamma_1: [200]}}}}}}\n")
+    code, text = check(overlay, capsys)
+    assert code == 2 and re.search(rf"{re.escape(str(formation))}:\d+:\d+: error: block observer: `gamma_2`", text)
+    assert re.search(rf"`bands` is that of `gamma_1` at {re.escape(str(overlay))}:2:\d+", text)
+    assert f"inherited: {overlay} extends {formation}" in text
+
+
+def test_a_mistake_in_what_was_written_for_another_type_says_for_which(write, capsys):
+    write(GOOD.replace("{T: [1, 2, 3]}", "{T: [1, 2, 3], k: [1, 2]}"), "base.yaml")
+    overlay = write("extends: base.yaml\nblocks: {lag: {type: Gain, drop: [T]}}\n", "over.yaml")
+    code, text = check(overlay, capsys)
+    assert code == 2 and re.search(r"base.yaml:9:\d+: error: block lag: `k` has 2 entries for 3 robots", text), text
+    assert re.search(r"\(inherited: written at \S*base.yaml:9:\d+ for \S*signal_blocks.py:Lag\)", text)
+
+
+def test_rules_and_metrics_are_judged_beside_other_mistakes(formation, capsys):
+    settings = (
+        "blocks.observer.parameters.beta_1=4",
+        "blocks.topology.parameters.hears=[[2], [1], [4], [3], [6], [5]]",
+        "blocks.plant.parameters.massive=3",
+        "metrics.N_x.reduce=events",
+        "record.signals=[plant.y]",
+    )
+    code, text = check(formation, capsys, *(word for setting in settings for word in ("--set", f"{setting}")))
+    assert code == 2
+    for words in ("0.5 < beta_1 < 1", "strongly connected", "`massive`", "metric N_x: `events` needs", "variable `y`"):
+        assert words in text, words
+    assert text.rstrip().endswith("5 errors")
+
+
+BROKEN_RULES = {
+    "raises": ("1 / 0 > k", "ZeroDivisionError"),
+    "a triple": ("(True, 'a', 'b')", "ValueError"),
+    "an array": ("__import__('numpy').array([True, False])", "ValueError"),
+}
+
+
+@pytest.mark.parametrize("kind", ["rule", "condition"])
+@pytest.mark.parametrize("broken", BROKEN_RULES)
+def test_a_rule_that_cannot_be_judged_names_its_line(write, tmp_path, capsys, kind, broken):
+    body, words = BROKEN_RULES[broken]
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output, Parameter, block\n"
+        "class Odd(Block):\n    k = Parameter(default=1.0)\n    y = Output()\n"
+        f"    odd = block.{kind}('k is odd')(lambda k: {body})\n"
+        "    def outputs(k, y):\n        y[0] = k\n"
+    )
+    path = write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
+    code, text = check(path, capsys)
+    assert code == 2 and "Traceback" not in text
+    assert re.search(
+        rf"diagram.yaml:3:3: error: block one: the {kind} `k is odd` of Odd cannot be judged: {words}", text
+    )
+    assert re.search(r"fix: correct its function at \S*own.py:5", text)
+
+
+def test_without_code_no_python_file_is_run_and_the_rest_is_checked(write, tmp_path, capsys):
+    (tmp_path / "own.py").write_text("raise SystemExit('it ran')\n")
+    good = "run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd, inputs: {u: two.x_c}}\n"
+    good += "  two: {block: SineWavePath}\nrecord: {signals: [one.y, two.x_c]}\n"
+    path = write(good)
+    assert cli.main(["check", str(path), "--no-code"]) == 0
+    said = capsys.readouterr().out
+    assert "2 blocks, valid as far as can be told without their code" in said
+    assert re.search(r"not checked, as only their code tells what they are: one \(\S*own.py\)", said)
+    path = write(good.replace("block: SineWavePath", "block: SineWavePath, parameters: {sped: 1}"))
+    code, text = check(path, capsys, "--no-code")
+    assert code == 2 and "no parameter `sped`" in text and "it ran" not in text
+    code, text = check(path, capsys)
+    assert code == 2 and "it ran" in text
+
+
+def test_no_text_of_a_file_steers_the_terminal(write, capsys):
+    path = write(GOOD.replace("run:", 'title: "red \\e[31m \\u009b31m \\u202eturned \\a"\nrun:', 1))
+    assert cli.main(["check", str(path)]) == 0
+    said = capsys.readouterr()
+    assert r"red \x1b[31m \x9b31m \u202eturned \x07" in said.out
+    path = write(GOOD.replace("  lag:", '  "lag\\e]0;x\\a":', 1))
+    code, text = check(path, capsys)
+    assert code == 2 and "\x1b" not in text and r"lag\x1b]0;x\x07" in text
+
+
 SECRETS = {
     "observer.inputs.x": "plant.v",
     "controller.inputs.v_hat": "plant.v",

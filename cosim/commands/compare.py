@@ -14,7 +14,7 @@ from cosim.exits import DIFFERENT, DONE
 from cosim.metrics import for_json
 from cosim.study import display
 from cosim.study.tables import Table
-from cosim.terminal import format_change, format_value
+from cosim.terminal import format_change, format_value, say
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     display.show(_metrics(result))
     print()
     for line in comparison.lines(result, options.tolerance):
-        print(line)
+        say(line)
     return _exit_code(result)
 
 

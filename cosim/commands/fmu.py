@@ -13,7 +13,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print kinds, platforms, capabilities, variables as ports, and what validation finds."""
+    from cosim import terminal
     from cosim.fmu import inspect
 
-    print(inspect.text(options.file))
+    terminal.say(inspect.text(options.file))
     return 0

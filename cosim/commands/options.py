@@ -17,9 +17,9 @@ def diagram_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar=name.upper(), help=text)
 
 
-def load_network(options: argparse.Namespace) -> Network:
-    """The wired diagram that the options of `diagram_arguments` name. Raises: DiagramErrors."""
+def load_network(options: argparse.Namespace, code: bool = True) -> Network:
+    """The wired diagram that the options name; code as of `wiring.wire`. Raises: DiagramErrors."""
     from cosim import run
 
     settings = [f"run.{k}={v}" for k in ("stop", "step", "method") if (v := getattr(options, k)) is not None]
-    return run.load(options.diagram, [*options.set, *settings], options.swap)
+    return run.load(options.diagram, [*options.set, *settings], options.swap, code)

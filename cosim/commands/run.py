@@ -59,9 +59,9 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
     print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
-    print(f"recorded in {outcome.results}")
+    terminal.say(f"recorded in {outcome.results}")
     for swap in outcome.swaps:
-        print(swap)
+        terminal.say(swap)
     sys.stdout.flush()
     terminal.print_warnings(outcome.warnings)
     for event in outcome.events:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim import grammar, source
-from cosim.errors import CosimError, DiagramErrors, MissingKey, Position, Problems, WrongType, WrongValue
+from cosim.errors import CosimError, DiagramErrors, MissingKey, Position, Problems, WrongFile, WrongType, WrongValue
 from cosim.grammar import ANY, Layer, Reader
 from cosim.plot import figures
 from cosim.source import Node, describe
@@ -96,6 +96,9 @@ class _StudyReader:
 
     def study(self, tree: Node) -> Study:
         """The study that a tree says. Raises: MissingKey if it names no diagram."""
+        if "diagram" not in tree.value and {"blocks", "extends"} & set(tree.value):
+            key = next(key for key in ("blocks", "extends") if key in tree.value)
+            raise WrongFile(f"`{self.path}` is a diagram, not a study", tree.value[key].place, f"cosim run {self.path}")
         tree = grammar.conform(_empty_variants(tree), self.problems, GRAMMAR, "study")
         sections = tree.value
         if "diagram" not in sections:

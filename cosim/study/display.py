@@ -8,7 +8,7 @@ import time
 from typing import IO, Any
 
 from cosim.study.tables import Table
-from cosim.terminal import PATIENCE, format_duration, print_table
+from cosim.terminal import CONTROLS, PATIENCE, format_duration, print_table
 
 
 def show(table: Table, file: IO[str] | None = None) -> None:
@@ -20,13 +20,16 @@ def show(table: Table, file: IO[str] | None = None) -> None:
     console = Console(file=file or sys.stdout, highlight=False, markup=False, emoji=False)
     plain = not console.encoding.startswith("utf")
     made = RichTable(
-        title=table.title or None, title_justify="left", box=None if plain else box.SIMPLE_HEAD, pad_edge=False
+        title=table.title.translate(CONTROLS) or None,
+        title_justify="left",
+        box=None if plain else box.SIMPLE_HEAD,
+        pad_edge=False,
     )
     labels = len(table.head) - len(table.values[0]) if table.values else 1
     for k, name in enumerate(table.head):
         made.add_column(name, justify="left" if k < labels else "right", no_wrap=True)
     for row in table.rows:
-        made.add_row(*row)
+        made.add_row(*(cell.translate(CONTROLS) for cell in row))
     print_table(made, console)
     for note in table.notes:
         console.print(note)
