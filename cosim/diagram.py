@@ -192,7 +192,14 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     network = read_network(tree, path, files, reader)
     sections = {key: node.value for key, node in tree.value.items()}
     run = _run(tree, reader)
-    fleets = {name: reader.count(node, f"fleets.{name}") for name, node in sections.get("fleets", {}).items()}
+    fleets, wrong = {}, set()
+    for name, node in sections.get("fleets", {}).items():
+        known = len(problems.errors)
+        fleets[name] = reader.count(node, f"fleets.{name}")
+        if len(problems.errors) > known:
+            wrong.add(name)
+    fleets = {name: count for name, count in fleets.items() if name not in wrong}
+    network.unread |= {entry.name for entry in network.blocks.values() if entry.per and entry.per.value in wrong}
     for entry in network.blocks.values():
         period = entry.period
         if period and not _is_multiple(period, f"blocks.{entry.name}.period", period.value, run.step, reader):
@@ -274,5 +281,8 @@ def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEn
     if not start <= stop:
         message = f"metric `{name}`: its window ends at {stop:g} s, before it begins at {start:g} s"
         reader.wrong(entries["to"], message, "exchange `from` and `to`", MetricError)
+    if start < 0:
+        message = f"metric `{name}`: its window begins at {start:g} s, before the run does"
+        reader.wrong(entries["from"], message, "such as 0, or leave `from` out", MetricError)
     signal = network.rewired(entries["signal"], reader.problems)
     return MetricEntry(name, signal, reduce, start, stop, node.place)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import source
-from cosim.errors import CircularExtends, CosimError, Position, Problems, UnknownSetting, WrongType, nearest
+from cosim.errors import CircularExtends, CosimError, Position, Problems, UnknownSetting, WrongType, WrongValue, nearest
 from cosim.grammar import ANY, DIAGRAM, TYPES
 from cosim.source import Node, describe
 
@@ -148,6 +148,9 @@ def apply_settings(tree: Node, settings: Iterable[str], problems: Problems) -> N
         try:
             if not equals:
                 raise UnknownSetting(f"`{setting}` is no setting", position, "write --set run.stop=10")
+            if not text.strip():
+                message = f"`{path.strip()}` is set to nothing"
+                raise WrongValue(message, position, f"write --set {path.strip()}=VALUE, or =~ to take it away")
             tree = set_value(tree, path.strip(), source.parse_value(text, position), position)
         except CosimError as error:
             problems.add(error)

@@ -251,7 +251,10 @@ class _Composer:
         if event.tag not in (None, "!", _TAG + "str"):
             raise self.unknown_tag(event)
         if event.tag or not event.implicit[0]:
-            return text
+            if "\0" in text:
+                message = "the text contains the invisible character NUL"
+                self.problems.add(WrongValue(message, self.place(event), "remove `\\0`"))
+            return text.replace("\0", "")
         if text in _LITERALS:
             return _LITERALS[text]
         if _INTEGER.fullmatch(text):

@@ -82,14 +82,17 @@ class _Wiring:
         self.problems = problems
         self.unchecked = [e.name for e in diagram.blocks.values() if e.kind == "python" and not code]
         self.missing: dict[str, list[tuple[Node, str]]] = {}
+        self.portless: dict[tuple[str, str], list[tuple[Node, str]]] = {}
+        self.fleetless: dict[str, list[BlockEntry]] = {}
         self.slaves: dict[str, Slave] = {}
         self.values: dict[tuple[str, str], Value] = {}
         self.swaps: list[Swap] = [*diagram.swaps]
 
     def network(self) -> Network:
         for entry in self.diagram.blocks.values():
-            if entry.name not in self.unchecked:
+            if entry.name not in self.diagram.unread and entry.name not in self.unchecked:
                 self.problems.attempt(self._slave, entry)
+        self._report_fleets()
         for slave in self.slaves.values():
             self.problems.attempt(self._names, slave)
             self.problems.attempt(self._wires, slave)
@@ -113,7 +116,7 @@ class _Wiring:
 
     def _is_whole(self) -> bool:
         """Whether all blocks are known and nothing is wrong so far."""
-        return not (self.problems.errors or self.missing or self.unchecked)
+        return not (self.problems.errors or self.missing or self.portless or self.unchecked)
 
     # ---- blocks and names ----
 
@@ -131,10 +134,9 @@ class _Wiring:
         if entry.per:
             fleets = self.diagram.fleets
             if entry.per.value not in fleets:
-                message = f"block {entry.name}: there is no fleet `{entry.per.value}`"
-                self.problems.add(UnknownFleet(message, entry.per.position, nearest(str(entry.per.value), fleets)))
-            else:
-                slave.fleet, slave.count = entry.per.value, fleets[entry.per.value]
+                self.fleetless.setdefault(str(entry.per.value), []).append(entry)
+                return
+            slave.fleet, slave.count = entry.per.value, fleets[entry.per.value]
         if entry.period:
             self.problems.attempt(self._period, slave, entry.period)
         for key in ("integrator", "inner_steps"):
@@ -229,7 +231,7 @@ class _Wiring:
                 self.problems.add(UnconnectedInput(message, slave.entry.position, fix))
 
     def _source(self, slave: Slave, taker: str, node: Node) -> Signal:
-        """What an input is wired to. Raises: UnknownPort, NotWirable."""
+        """What an input is wired to. Raises: NotWirable."""
         name, port = endpoint(str(node.value))
         port, members = _members(port)
         if name in self._unknown:
@@ -246,8 +248,8 @@ class _Wiring:
             fix = "only recordings, measuring blocks and locals may read locals" + _or_ports(name, outputs)
             raise NotWirable(message, node.position, fix)
         if port not in outputs | locals_:
-            message = f"block {slave.name}: {source.name} ({name}) has no output `{port}`"
-            raise UnknownPort(message, node.position, nearest(port, outputs))
+            self.portless.setdefault((name, port), []).append((node, slave.name))
+            return Signal(slave.name, "")
         if source.measuring and not may_tap:
             message = f"block {slave.name}: `{node.value}` comes from a measuring block"
             raise NotWirable(message, node.position, "only recordings and measuring blocks may read a measure")
@@ -301,6 +303,10 @@ class _Wiring:
         record = self.diagram.record
         for node in record.signals if record else ():
             self._found(node)
+        for node in self.diagram.outputs.values():
+            self._found(node)
+        for node in (node for nodes in self.diagram.inputs.values() for node in nodes):
+            self._check_own_input(node)
         metrics = {name: metric for name, metric in self.diagram.metrics.items() if self._found(metric.signal)}
         if self.diagram.run.steps:
             from cosim.run import reduced  # which imports this module
@@ -318,17 +324,43 @@ class _Wiring:
         signal = self.problems.attempt(network.find, str(node.value), node.position)
         return signal is not None and self.slaves[name].signal_axes(network.variable(signal)) is not None
 
+    def _check_own_input(self, node: Node) -> None:
+        """What an input of the diagram itself drives is an input of a block."""
+        name, port = endpoint(str(node.value))
+        if name in self.slaves:
+            inputs = [v.name for v in self.slaves[name].declaration.of(Input)]
+            if port not in inputs:
+                message = f"`{node.value}`: {self.slaves[name].declaration.name} ({name}) has no input `{port}`"
+                self.problems.add(UnknownPort(message, node.position, nearest(port, inputs) or "name another block"))
+        elif name not in self._unknown:
+            self.missing.setdefault(name, []).append((node, ""))
+
+    def _report_fleets(self) -> None:
+        """One mistake for each fleet that is not there; of its blocks no more can be said."""
+        for fleet, entries in self.fleetless.items():
+            assert entries[0].per
+            message = f"block {entries[0].name}: there is no fleet `{fleet}`"
+            if len(entries) > 1:
+                message += f", nor for {', '.join(entry.name for entry in entries[1:])}"
+            fix = nearest(fleet, self.diagram.fleets) or f"write fleets: {{{fleet}: 6}}"
+            self.problems.add(UnknownFleet(message, entries[0].per.position, fix))
+
     def _report_missing(self) -> None:
-        """One mistake for each block that is not there, however many wires and signals name it."""
-        for name, uses in self.missing.items():
-            uses.sort(key=lambda use: (use[0].position.file, use[0].position.line, use[0].position.column))
-            node, taker = uses[0]
+        """One mistake for each block or output that is not there, however many wires and signals name it."""
+        for (name, port), uses in self.portless.items():
+            source = self.slaves[name].declaration
+            outputs = [v.name for v in source.variables.values() if v.causality == "output"]
+            (node, taker), others = _sorted(uses)
+            message = f"block {taker}: {source.name} ({name}) has no output `{port}`"
+            message += f", which others name at {others}" if others else ""
+            self.problems.add(UnknownPort(message, node.position, nearest(port, outputs) or "it has no outputs"))
+        for name, uses in self.missing.items() if self.slaves else ():
+            (node, taker), others = _sorted(uses)
             message = f"`{node.value}` names no block of the diagram"
             message = f"block {taker}: {message}" if taker else message
-            if len(uses) > 1:
-                places = [_place(n.position, node.position.file) for n, _ in uses]
+            if others:
                 message = f"the diagram has no block `{name}`, which {len(uses)} wires and signals name"
-                message += f", those at {', '.join(places[:_PLACES])}" + (", …" if len(places) > _PLACES else "")
+                message += f", the others at {others}"
             fix = self._meant(name, {_members(endpoint(str(n.value))[1])[0] for n, _ in uses})
             self.problems.add(UnknownBlock(message, node.position, fix))
 
@@ -377,6 +409,14 @@ def _members(port: str) -> tuple[str, tuple[int, int] | int | None]:
 def _place(position: Position, file: str) -> str:
     """A place; in the same file, line and column alone."""
     return f"{position.line}:{position.column}" if position.file == file and position.line else str(position)
+
+
+def _sorted(uses: list[tuple[Node, str]]) -> tuple[tuple[Node, str], str]:
+    """The first of the uses of a name, and the places of the others."""
+    ordered = sorted(uses, key=lambda use: (use[0].position.file, use[0].position.line, use[0].position.column))
+    first = ordered[0][0].position.file
+    places = [_place(node.position, first) for node, _ in ordered[1:]]
+    return ordered[0], ", ".join(places[:_PLACES]) + (", …" if len(places) > _PLACES else "")
 
 
 def _or_ports(name: str, outputs: set[str]) -> str:

@@ -136,7 +136,7 @@ def test_a_waiver_on_the_command_line_and_one_that_names_nothing(folder):
 
 
 def test_nothing_takes_away_what_was_written_for_another_type_too(folder):
-    settings = ["blocks.body.parameters.mass=", "blocks.body.start=~", "blocks.body.inputs.u=~"]
+    settings = ["blocks.body.parameters.mass=~", "blocks.body.start=~", "blocks.body.inputs.u=~"]
     swap = run.load("base.yaml", settings, ["body=own.py:Other"]).swaps[0]
     assert (swap.keeps, swap.drops) == (("integrator",), ())
 
