@@ -62,6 +62,39 @@ MISTAKES = {
     "missing file of blocks": ("type: Lag", "python: nowhere.py:Lag", 7, "nowhere.py", ""),
     "algebraic loop": ("u: source.y", "u: lag.y", 10, "algebraic loop: lag.y → lag.y", "state"),
     "too many members": ("u: source.y", 'u: "source.y[2..4]"', 10, r"source.y has 3 members", "members 1 to 3"),
+    "joined sources that differ beyond their members": (
+        "inputs: {u: lag.x}",
+        "inputs: {u: [lag.x, three.x]}}\n  three: {type: Integrator, per: robot, dimensions: {n: 3}, inputs: {u: three.x}",
+        11,
+        "joined for input `u` differ",
+        "members only",
+    ),
+    "a truth for a number": ("T: [1, 2, 3]", "T: true", 9, "`true` is no number", "write 1"),
+    "a truth among numbers": ("T: [1, 2, 3]", "T: [1, 2, true]", 9, "`true` is no number", "write 1"),
+    "a key without a value": ("T: [1, 2, 3]", "T: ", 9, "`blocks.lag.parameters.T` has no value", "~"),
+    "nothing to take away": ("T: [1, 2, 3]", "T: ~", 9, "takes away .* and nothing does", "remove"),
+    "a date": ("T: [1, 2, 3]", "T: 2021-11-12", 9, "is a date", "spaces"),
+    "too large for a float": ("T: [1, 2, 3]", "T: 1e400", 9, "beyond the range", "1.7e308"),
+    "too small for a float": ("T: [1, 2, 3]", "T: 1e-400", 9, "beyond the range", "1.7e308"),
+    "400 digits": ("T: [1, 2, 3]", f"T: {'9' * 400}", 9, "beyond the range", "1.7e308"),
+    "an expression that is too large": ("T: [1, 2, 3]", "T: 1e308*10", 9, "too large for a number", "inf"),
+    "not a number": ("T: [1, 2, 3]", "T: .nan", 9, "no value to calculate with", "give a number"),
+    "a look-alike of a minus sign": ("T: [1, 2, 3]", "T: −1", 9, "neither a number nor", "write a number"),
+    "a number with a unit": ("T: [1, 2, 3]", "T: 3 s", 9, "neither a number nor", "write a number"),
+    "a division by zero": ("T: [1, 2, 3]", "T: 1/(N-3)", 9, "cannot be evaluated: .*division by zero", "check"),
+    "a file name with NUL": ("type: Lag", 'python: "no\\0where.py:Lag"', 7, "invisible character NUL", "remove"),
+    "a fleet of no size": ("{robot: 3}", "{robot: 0}", 3, "must be a whole number from 1", "such as"),
+    "another name of the fleet": ("{robot: 3}", "{ship: 3}", 5, "no fleet `robot`, nor for lag", "ship"),
+    "a window before the run": ("reduce: max", "reduce: max, from: -1", 16, "before the run does", "0"),
+    "an output of nothing": ("metrics:", "outputs: {y: lagg.x}\nmetrics:", 15, "names no block", "`lag`"),
+    "an input for nothing": ("metrics:", "inputs: {u: lag.uu}\nmetrics:", 15, "Lag .lag. has no input `uu`", "`u`"),
+    "nothing to drop": (
+        "    per: robot\n    par",
+        "    per: robot\n    drop: [T]\n    par",
+        9,
+        "nothing called `T`",
+        "~",
+    ),
     "joined sources that differ": ("u: source.y", "u: [source.y, oscillator.x]", 10, "joined for input `u` differ", ""),
 }
 
@@ -289,6 +322,43 @@ def test_a_condition_of_a_theorem_is_a_warning(formation, capsys):
     assert code == 0 and re.search(
         r"formation.yaml:\d+:\d+: warning: controller: Theorem 3, .*sigma\(Lambda\) = 0.1", text
     )
+
+
+NO_INTEGERS = {".nan": "calculate with", ".inf": "no whole number", "inf": "no whole number", "2.5": "no whole number"}
+
+
+@pytest.mark.parametrize("value", [*NO_INTEGERS, "1e30", "true"])
+def test_what_is_no_integer_is_refused_where_one_is_needed(formation, capsys, value):
+    code, text = check(formation, capsys, "--set", f"blocks.topology.parameters.hears.0.0={value}")
+    assert code == 2 and "Traceback" not in text and "fix:" in text
+    assert f"--set blocks.topology.parameters.hears.0.0={value}: error:" in text
+    assert NO_INTEGERS.get(value, "error") in text
+
+
+def test_a_value_that_is_neither_true_nor_false(write, tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output, Parameter\n"
+        "class Switch(Block):\n    on = Parameter(dtype=bool, default=False)\n    y = Output()\n"
+        "    def outputs(on, y):\n        y[0] = 1.0 if on else 0.0\n"
+    )
+    text = "run: {stop: 1, step: 0.1}\nblocks: {s: {python: own.py:Switch, parameters: {on: WHAT}}}\n"
+    for right in ("true", "false", "1", "0"):
+        assert check(write(text.replace("WHAT", right)), capsys) == (0, "")
+    for wrong in ("2", "-1", "0.5", "pi"):
+        code, said = check(write(text.replace("WHAT", wrong)), capsys)
+        assert (
+            code == 2 and "neither true nor false" in said and ":2:54: error" in said and "write true or false" in said
+        )
+
+
+def test_the_settings_of_the_manual(formation, capsys):
+    """What README tells to try works as it stands there; the lengths of the two rates belong together."""
+    both = "blocks.observer.parameters={gamma_1: [200], gamma_2: [20]}"
+    assert check(formation, capsys, "--set", both)[0] == 0
+    one, other = "blocks.observer.parameters.gamma_1=[200]", "blocks.observer.parameters.gamma_2=[20]"
+    assert check(formation, capsys, "--set", one, "--set", other)[0] == 0
+    code, text = check(formation, capsys, "--set", one)
+    assert code == 2 and f"`bands` is that of `gamma_1` at --set {one}" in text
 
 
 def test_command_line_settings_that_name_nothing(write, capsys):
