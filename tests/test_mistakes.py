@@ -64,7 +64,8 @@ MISTAKES = {
     "too many members": ("u: source.y", 'u: "source.y[2..4]"', 10, r"source.y has 3 members", "members 1 to 3"),
     "joined sources that differ beyond their members": (
         "inputs: {u: lag.x}",
-        "inputs: {u: [lag.x, three.x]}}\n  three: {type: Integrator, per: robot, dimensions: {n: 3}, inputs: {u: three.x}",
+        "inputs: {u: [lag.x, three.x]}}\n"
+        "  three: {type: Integrator, per: robot, dimensions: {n: 3}, inputs: {u: three.x}",
         11,
         "joined for input `u` differ",
         "members only",
