@@ -194,9 +194,9 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     run = _run(tree, reader)
     fleets, wrong = {}, set()
     for name, node in sections.get("fleets", {}).items():
-        known = len(problems.errors)
+        before = len(problems.errors)
         fleets[name] = reader.count(node, f"fleets.{name}")
-        if len(problems.errors) > known:
+        if len(problems.errors) > before:
             wrong.add(name)
     fleets = {name: count for name, count in fleets.items() if name not in wrong}
     network.unread |= {entry.name for entry in network.blocks.values() if entry.per and entry.per.value in wrong}
