@@ -229,7 +229,7 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
     if "integrator" in nodes:
         run.integrator = reader.choice(nodes["integrator"], "run.integrator", grammar.INTEGRATORS)
     if "inner_steps" in nodes:
-        run.inner_steps = reader.count(nodes["inner_steps"], "run.inner_steps")
+        run.inner_steps = reader.count(nodes["inner_steps"], "run.inner_steps", grammar.MOST_INNER_STEPS)
     if "patience" in nodes:
         run.patience = reader.positive(nodes["patience"], "run.patience", run.patience)
     if "stop" in nodes:

@@ -16,8 +16,8 @@ from cosim import grammar
 from cosim.entry import BlockEntry, read_entry
 from cosim.errors import (
     CircularExtends,
-    CosimError,
     Problems,
+    TooLarge,
     TwoDrivers,
     UnknownParameter,
     UnknownPort,
@@ -29,6 +29,8 @@ from cosim.overlay import merge, read_layers
 from cosim.source import Node
 from cosim.swaps import Swap, settle_diagram
 
+MOST_DIAGRAMS, MOST_BLOCKS, MOST_LEVELS = 1000, 100_000, 50
+"""Inside one diagram; each diagram in it is read and merged anew, in a few milliseconds."""
 _HANDED = ("parameters", "start", "dimensions")
 """What a diagram that is a block hands on to the blocks inside it, by `inner.name`."""
 
@@ -38,7 +40,7 @@ class Network:
     """The blocks of a diagram and its own ports.
 
     shown: the outputs of each diagram that was unfolded. unread: the blocks that could not be understood.
-    swaps: of blocks that are diagrams.
+    swaps: of blocks that are diagrams. diagrams: how many were unfolded.
     """
 
     blocks: dict[str, BlockEntry] = field(default_factory=dict)
@@ -47,6 +49,7 @@ class Network:
     shown: dict[str, dict[str, Node]] = field(default_factory=dict)
     unread: set[str] = field(default_factory=set)
     swaps: list[Swap] = field(default_factory=list)
+    diagrams: int = 0
 
     def rewired(self, node: Node, problems: Problems) -> Node:
         """A source, or a list of them, with an output of an unfolded diagram replaced by the inner port."""
@@ -125,10 +128,14 @@ def _unfold(
     chain: tuple[str, ...],
 ) -> None:
     """Add the blocks of the diagram that `outer` is, with what `outer` says of them."""
-    try:
-        inner = _read(outer, overlay, files, reader, chain)
-    except CosimError as error:
-        reader.problems.add(error)
+    inner = None if _are_too_many(reader) else reader.problems.attempt(_read, outer, overlay, files, reader, chain)
+    if inner is None or _are_too_many(reader):  # nothing else is worth reading then
+        network.unread.add(outer.name)
+        return
+    network.diagrams += 1 + inner.diagrams
+    if network.diagrams > MOST_DIAGRAMS or len(network.blocks) + len(inner.blocks) > MOST_BLOCKS:
+        message = f"block `{outer.name}`: more than {MOST_DIAGRAMS} diagrams or {MOST_BLOCKS} blocks unfold"
+        reader.problems.add(TooLarge(message, outer.type.position, "write `per: fleet` for many of one kind"))
         network.unread.add(outer.name)
         return
     names = {name: f"{outer.name}/{name}" for name in inner.blocks}
@@ -143,14 +150,21 @@ def _unfold(
     network.blocks.update({entry.name: entry for entry in blocks.values()})
 
 
+def _are_too_many(reader: Reader) -> bool:
+    return any(isinstance(error, TooLarge) for error in reader.problems.errors)
+
+
 def _read(
     outer: BlockEntry, overlay: dict[str, Node], files: list[Path], reader: Reader, chain: tuple[str, ...]
 ) -> Network:
     """The network of the diagram that a block is.
 
-    Raises: CircularExtends, MissingFile, YamlSyntaxError, WrongType.
+    Raises: CircularExtends, MissingFile, TooLarge, YamlSyntaxError, WrongType.
     """
     path, place = outer.path, outer.type.position
+    if len(chain) > MOST_LEVELS:
+        message = f"block `{outer.name}`: diagrams in diagrams are more than {MOST_LEVELS} levels deep"
+        raise TooLarge(message, place, "use fewer levels")
     if os.path.realpath(path) in chain:
         message = f"block `{outer.name}`: the diagram `{path}` contains itself"
         raise CircularExtends(message, place, "name another diagram here")

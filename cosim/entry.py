@@ -174,7 +174,7 @@ def _attribute(where: str, key: str, node: Node, reader: Reader) -> Any:
         case "integrator":
             return replace(node, value=reader.choice(node, where, grammar.INTEGRATORS))
         case "inner_steps":
-            return replace(node, value=reader.count(node, where))
+            return replace(node, value=reader.count(node, where, grammar.MOST_INNER_STEPS))
         case "isolate":
             return replace(node, value=reader.truth(node, where))
         case "mode":

@@ -79,6 +79,10 @@ class WrongValue(CosimError):
     """A value of the right kind that is out of its range, such as a step of zero."""
 
 
+class TooLarge(CosimError):
+    """A count, a file or a run that is larger than there is memory for, or than anybody can wait for."""
+
+
 class ExpressionError(CosimError):
     """An arithmetic expression that cannot be read or evaluated."""
 
@@ -235,9 +239,14 @@ class BuildFailed(CosimError):
     """The C compiler or linker refused an FMU's code."""
 
 
+_LONGEST_NAME, _MOST_NAMES = 200, 2000  # the time to compare them grows with both
+
+
 def nearest(name: str, known: Iterable[str], lead: str = "did you mean") -> str:
-    """The usual fix for a misspelt name: the nearest known one, else all of them."""
+    """The usual fix for a misspelt name: the nearest known one, else all of them, where these are not too many."""
     names = sorted(known)
+    if len(name) > _LONGEST_NAME or len(names) > _MOST_NAMES:
+        return ""
     close = get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"{lead} `{close[0]}`?"

@@ -9,7 +9,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
 
-from cosim.errors import CosimError, MissingKey, Problems, UnknownKey, WrongType, WrongValue, nearest
+from cosim.errors import CosimError, MissingKey, Problems, TooLarge, UnknownKey, WrongType, WrongValue, nearest
 from cosim.expression import evaluate
 from cosim.source import Node, describe
 
@@ -18,6 +18,8 @@ TYPES = ("block", "python", "fmu", "diagram")
 METHODS = ("jacobi", "gauss-seidel", "joint")
 INTEGRATORS = ("euler", "rk4")
 REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
+MOST = 2**31 - 1  # that compiled loops count to
+MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
 FMU_MODES = ("co-simulation", "model-exchange")
 
 
@@ -148,12 +150,15 @@ class Reader:
             return default
         return value
 
-    def count(self, node: Node, name: str) -> int:
+    def count(self, node: Node, name: str, most: int = MOST) -> int:
         """A whole number from one."""
         value = self.number(node, name)
         if value < 1 or value != round(value):
             fix = "such as 1, 2, 3"
             self.wrong(node, f"`{name}` must be a whole number from 1, not {describe(node)}", fix, WrongValue)
+            return 1
+        if value > most:
+            self.wrong(node, f"`{name}` cannot be {describe(node)}", f"at most {most}", TooLarge)
             return 1
         return round(value)
 

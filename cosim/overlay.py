@@ -14,15 +14,27 @@ from pathlib import Path
 from typing import Any
 
 from cosim import source
-from cosim.errors import CircularExtends, CosimError, Position, Problems, UnknownSetting, WrongType, WrongValue, nearest
+from cosim.errors import (
+    CircularExtends,
+    CosimError,
+    Position,
+    Problems,
+    TooLarge,
+    UnknownSetting,
+    WrongType,
+    WrongValue,
+    nearest,
+)
 from cosim.grammar import ANY, DIAGRAM, TYPES
 from cosim.source import Node, describe
+
+MOST_LAYERS = 100
 
 
 def read_layers(path: Path, problems: Problems, named_at: Position | None = None) -> tuple[Node, list[Path]]:
     """The tree of a file over those that it extends, and the files in the order of reading.
 
-    Raises: MissingFile, YamlSyntaxError, WrongType, CircularExtends.
+    Raises: MissingFile, TooLarge, YamlSyntaxError, WrongType, CircularExtends.
     """
     layers: list[Node] = []
     files: list[Path] = []
@@ -30,6 +42,8 @@ def read_layers(path: Path, problems: Problems, named_at: Position | None = None
         if any(os.path.realpath(path) == os.path.realpath(file) for file in files):
             chain = " → ".join(str(file) for file in [*files, path])
             raise CircularExtends(f"the diagram extends itself: {chain}", named_at, "remove this `extends`")
+        if len(files) >= MOST_LAYERS:
+            raise TooLarge(f"more than {MOST_LAYERS} diagrams extend each other", named_at, "use fewer layers")
         layer = source.read(path, problems, named_at)
         files.append(path)
         layers.append(layer)

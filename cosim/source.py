@@ -21,6 +21,7 @@ from cosim.errors import (
     MissingFile,
     Position,
     Problems,
+    TooLarge,
     WrongType,
     WrongValue,
     YamlSyntaxError,
@@ -29,6 +30,8 @@ from cosim.errors import (
 
 _LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+MOST_FILE_BYTES = 1 << 24
+"""Of YAML or Python. YAML takes up to 150 times as much memory, and some ten seconds for each MiB."""
 _DEEPEST = 50
 _MOST_ALIASED = 100_000
 _TAG = "tag:yaml.org,2002:"
@@ -107,15 +110,21 @@ def parse_value(text: str, position: Position) -> Node:
 def read_bytes(path: str | Path, named_at: Position | None = None) -> bytes:
     """The content of a file that a person names.
 
-    Raises: MissingFile, whose fix is the nearest name in the same folder.
+    Raises: MissingFile, whose fix is the nearest name in the same folder; TooLarge.
     """
     path = Path(path)
     place = named_at or Position(str(path))
     try:
         if path.is_file():
-            return path.read_bytes()
+            with path.open("rb") as file:
+                content = file.read(MOST_FILE_BYTES + 1)
+            if len(content) > MOST_FILE_BYTES:
+                raise TooLarge(f"`{path}` has more than {MOST_FILE_BYTES >> 20} MiB", place, "name a smaller file")
+            return content
         if path.is_dir():
             raise MissingFile(f"`{path}` is a folder, not a file", place, "name a file in it")
+        if path.exists():
+            raise MissingFile(f"`{path}` is a pipe or a device, not a file", place, "name a file")
         siblings = [p.name for p in path.parent.iterdir() if p.suffix == path.suffix] if path.parent.is_dir() else []
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error

@@ -267,6 +267,8 @@ def _excerpt(position: Position, style: str) -> list[tuple[str, str]]:
     """The line of the file with a caret under the column; nothing if the file has no such line or cannot be read."""
     from rich.cells import cell_len
 
+    if not position.line:
+        return []
     try:
         lines = Path(position.file).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):

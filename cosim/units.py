@@ -120,8 +120,13 @@ def same(a: Unit, b: Unit) -> bool:
     return one.exponents == other.exponents and close
 
 
+_LONGEST = 200
+
+
 @lru_cache(maxsize=1024)
 def _read(text: str) -> BaseUnit:
+    if len(text) > _LONGEST:
+        raise WrongUnit(f"a unit of {len(text)} characters is too long", fix=f"at most {_LONGEST}")
     tokens = list(_tokens(text))
     unit, rest = _product(text, tokens)
     if rest:

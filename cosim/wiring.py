@@ -12,7 +12,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from cosim import dimensions, order, rules, swaps, units
+from cosim import dimensions, order, rules, sizes, swaps, units
 from cosim.block import Block, Input, Local, Parameter, State, Variable
 from cosim.diagram import BlockEntry, Diagram, note_inherited
 from cosim.errors import (
@@ -103,6 +103,8 @@ class _Wiring:
             self.problems.attempt(order.initial_order, Network(self.diagram, self.slaves))
         if self._is_whole():  # else what is missing may only be a consequence
             dimensions.report_unsolved(self.slaves, self.problems)
+        if not sizes.fit(self.slaves.values(), self.problems):
+            self.problems.raise_if_any()  # what comes next would need that memory
         for slave in self.slaves.values():
             if all(slave.signal_axes(v) is not None for v in slave.declaration.variables.values()):
                 self._evaluate(slave)
@@ -382,20 +384,31 @@ def _array(slave: Slave, variable: Variable, value: Value, fleets: Mapping[str, 
     """A value as an array (instances or 1, *shape), each member's expressions evaluated with its number i."""
     shape = slave.shape(variable)
     if slave.fleet:
-        names = [{"i": k + 1.0, "N": float(slave.count)} for k in range(slave.count)]
-        per_member = len(value.shape) == len(shape) + 1
-        if per_member or (not variable.dtype.hasobject and value.uses("i")):
-            rows = [value.member(k) if per_member else value for k in range(slave.count)]
-            return np.stack([row.array(shape, variable.dtype, n) for row, n in zip(rows, names, strict=True)])
-        return value.array(shape, variable.dtype, names[0])[np.newaxis]
+        members = _members_of(variable, value, slave.count, shape)
+        return (
+            value.array(shape, variable.dtype, {"i": 1.0, "N": float(slave.count)})[None]
+            if members is None
+            else members
+        )
     if shape and slave.counts_members(variable.shape[0]):
-        names = [{"i": k + 1.0, "N": float(shape[0])} for k in range(shape[0])]
-        per_member = len(value.shape) == len(shape)
-        rows = [value.member(k) if per_member else value for k in range(shape[0])]
-        parts = [row.array(shape[1:], variable.dtype, n) for row, n in zip(rows, names, strict=True)]
-        return np.stack(parts)[np.newaxis]
-    sizes = {"N": float(next(iter(fleets.values())))} if len(fleets) == 1 else {}
-    return value.array(shape, variable.dtype, sizes)[np.newaxis]
+        members = _members_of(variable, value, shape[0], shape[1:])
+        if members is None:
+            members = np.broadcast_to(value.array(shape[1:], variable.dtype, {"i": 1.0, "N": float(shape[0])}), shape)
+        return members[None]
+    size = {"N": float(next(iter(fleets.values())))} if len(fleets) == 1 else {}
+    return value.array(shape, variable.dtype, size)[None]
+
+
+def _members_of(variable: Variable, value: Value, count: int, shape: tuple[int, ...]) -> np.ndarray | None:
+    """A value for each member of a fleet (count, *shape); None where all have the same one."""
+    per_member = len(value.shape) == len(shape) + 1
+    if not per_member and (variable.dtype.hasobject or not value.uses("i")):
+        return None
+    array = np.empty((count, *shape), variable.dtype)
+    for k in range(count):
+        row = value.member(k) if per_member else value
+        array[k] = row.array(shape, variable.dtype, {"i": k + 1.0, "N": float(count)})
+    return array
 
 
 def _members(port: str) -> tuple[str, tuple[int, int] | int | None]:

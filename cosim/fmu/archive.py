@@ -41,6 +41,8 @@ def unpack(path: Path, position: Position | None = None) -> Path:
         status = path.stat()
     except OSError as error:
         raise MissingFile(f"cannot read `{path}`: {error.strerror}", position, "check the path") from None
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+        raise MissingFile(f"`{path}` is a pipe or a device, not a file", position, "name a file")
     key = (str(path.resolve()), status.st_mtime_ns, status.st_size)
     with _lock:
         if key not in _unpacked:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
-from cosim.errors import MetricError, PlotError, Position, Problems, UnknownSetting, WrongValue, nearest
+from cosim.errors import MetricError, PlotError, Position, Problems, TooLarge, UnknownSetting, WrongValue, nearest
 from cosim.network import Network
 from cosim.plot.figures import Figure
 from cosim.source import Node
@@ -22,6 +23,7 @@ def check(study: Study, variants: Mapping[str, Node], problems: Problems) -> Non
     _paths(study, problems)
     _axes(study, problems)
     _titles(study, problems)
+    _size(study, problems)
     for figure in study.figures:
         if not figure.distribution and not study.records:
             message = f"`figures.{figure.name}` shows signals, and the study records none"
@@ -40,6 +42,16 @@ def _variants(variants: Mapping[str, Node], problems: Problems) -> None:
             problems.add(WrongValue(message, node.place, "rename one of them"))
         else:
             known[same] = name
+
+
+def _size(study: Study, problems: Problems) -> None:
+    count = plan.size(study)
+    if count > plan.MOST_MEMBERS:
+        draws = study.random.draws if study.random else ()
+        nodes = [*(axis.node for axis in study.grid), *(draw.node for draw in draws)]
+        message = f"the study has {count} members: variants, grid and draws are multiplied"
+        fix = f"at most {plan.MOST_MEMBERS}; take fewer values, or random draws in place of a grid"
+        problems.add(TooLarge(message, nodes[0].place if nodes else None, fix))
 
 
 def _paths(study: Study, problems: Problems) -> None:
@@ -78,7 +90,7 @@ def _axes(study: Study, problems: Problems) -> None:
             message = f"two axes of the grid are called `{axis.name}`"
             problems.add(WrongValue(message, axis.node.place, "rename the block"))
         seen[axis.name] = axis.node.place
-        twice = [label for k, label in enumerate(axis.labels) if label in axis.labels[:k]]
+        twice = [label for label, count in Counter(axis.labels).items() if count > 1]
         if twice:
             message = f"`grid.{', '.join(axis.paths)}` has the value {twice[0]} twice"
             problems.add(WrongValue(message, axis.node.position, "remove one of them"))

@@ -14,11 +14,21 @@ from typing import Any
 import numpy as np
 
 from cosim import grammar, source
-from cosim.errors import CosimError, DiagramErrors, MissingKey, Position, Problems, WrongFile, WrongType, WrongValue
+from cosim.errors import (
+    CosimError,
+    DiagramErrors,
+    MissingKey,
+    Position,
+    Problems,
+    TooLarge,
+    WrongFile,
+    WrongType,
+    WrongValue,
+)
 from cosim.grammar import ANY, Layer, Reader
 from cosim.plot import figures
 from cosim.source import Node, describe
-from cosim.study import consistency
+from cosim.study import consistency, plan
 from cosim.study.model import (
     METHODS,
     STATISTICS,
@@ -34,6 +44,7 @@ from cosim.study.model import (
     Variant,
 )
 
+MOST_VALUES = 1_000_000  # of one axis of the grid
 _VALUE: dict[str, Any] = {}
 _NAMED = {ANY: _VALUE}
 _OVERLAY = {key: Layer(below) for key, below in grammar.DIAGRAM.items() if key not in ("title", "extends")}
@@ -166,13 +177,17 @@ class _StudyReader:
                 message = f"`grid.{path}`: from {first:g} to {last:g} there is no value"
                 self.reader.wrong(node, message, "exchange the first two numbers", WrongValue)
                 return (first,)
+            if (last - first) / third >= MOST_VALUES:
+                message = f"`grid.{path}`: from {first:g} to {last:g} there are too many steps of {third:g}"
+                self.reader.wrong(items[2], message, f"at most {MOST_VALUES} values", TooLarge)
+                return (first,)
             values = np.arange(first, last + 1e-9 * third, third)
         elif kind == "geomspace" and not first * last > 0:
             message = f"`grid.{path}`: from {first:g} to {last:g} there are no constant ratios"
             self.reader.wrong(node, message, "give two numbers of one sign, neither of them 0", WrongValue)
             return (first,)
         else:
-            values = kinds[kind](first, last, self.reader.count(items[2], f"grid.{path}.{kind}"))
+            values = kinds[kind](first, last, self.reader.count(items[2], f"grid.{path}.{kind}", MOST_VALUES))
         return tuple(values.tolist())
 
     def _axis_value(self, node: Node, path: str) -> Any:
@@ -196,7 +211,7 @@ class _StudyReader:
         if not entries["draws"].value:
             self.reader.wrong(entries["draws"], "`random.draws` draws nothing", "write a path and its distribution")
         return Random(
-            self.reader.count(entries["count"], "random.count"),
+            self.reader.count(entries["count"], "random.count", plan.MOST_MEMBERS),
             seed,
             self.reader.choice(entries["method"], "random.method", METHODS) if "method" in entries else METHODS[0],
             tuple(draw for draw in draws if draw),

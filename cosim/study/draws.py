@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim import sizes
 from cosim.errors import NoAcceptedDraw
 from cosim.study.model import Draw, Random
 
@@ -34,6 +35,9 @@ class Draws:
         self._shapes = shapes
         self._accepts = accepts
         self._sizes = [int(np.prod(shape)) for shape in shapes]
+        place = random.draws[0].node.place if random.draws else None
+        needed = 8 * random.count * sum(self._sizes)
+        sizes.require(needed, f"{random.count} random draws", place, "a smaller `random.count`")
         self._rows = np.empty((random.count, sum(self._sizes)))
         self._found = 0
         self._sequence: Iterator[np.ndarray] = iter(())

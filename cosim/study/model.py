@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ class Axis:
         """Whether all values are numbers."""
         return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
 
-    @property
+    @cached_property
     def labels(self) -> tuple[str, ...]:
         """The values as text: numbers with 12 digits, or with all where that does not tell two apart."""
         short = tuple(_label(value, ".12g") for value in self.values)

@@ -27,6 +27,10 @@ class Member:
         return "-".join(map(str, (self.variant, *self.grid, *(() if self.draw is None else (self.draw,)))))
 
 
+MOST_MEMBERS = 10_000_000
+"""Each has a line of some 500 bytes in the store, and all are read whenever the study is."""
+
+
 def size(study: Study) -> int:
     """How many members there are."""
     count = len(study.variants) * (study.random.count if study.random else 1)
@@ -37,10 +41,16 @@ def size(study: Study) -> int:
 
 def names(study: Study) -> Iterator[str]:
     """The names of all members; nothing is drawn for them."""
-    points = itertools.product(*(range(len(axis.values)) for axis in study.grid))
     draws = range(study.random.count) if study.random else (None,)
-    for variant, point, draw in itertools.product(study.variants, list(points), draws):
-        yield Member(variant, point, draw).name
+    for variant, point in _points(study):
+        for draw in draws:
+            yield Member(variant, point, draw).name
+
+
+def _points(study: Study) -> Iterator[tuple[str, tuple[int, ...]]]:
+    """Every variant with every point of the grid, made one by one."""
+    axes = [range(len(axis.values)) for axis in study.grid]
+    return ((variant, point) for variant in study.variants for point in itertools.product(*axes))
 
 
 def variant_of(study: Study, name: str) -> str:
@@ -50,8 +60,7 @@ def variant_of(study: Study, name: str) -> str:
 
 def members(study: Study, draws: Draws | None) -> Iterator[Member]:
     """All members, made one by one; `draws` are those of the study, None if it has none."""
-    points = itertools.product(*(range(len(axis.values)) for axis in study.grid))
-    for variant, point in itertools.product(study.variants, list(points)):
+    for variant, point in _points(study):
         chosen = grid_settings(study, point)
         if draws is None:
             yield Member(variant, point, None, chosen)
