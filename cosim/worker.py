@@ -20,14 +20,15 @@ class Worker:
 
     def __init__(self, *keep: Any) -> None:
         self._keep = keep
-        self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._thread = threading.Thread(target=self._work, name="loop", daemon=True)
-        self._thread.start()
+        self._jobs: SimpleQueue[Callable[[], None] | None] | None = None
         self.abandoned = False
 
-    def _work(self) -> None:
-        while job := self._jobs.get():
-            job()
+    def _hand(self, job: Callable[[], None]) -> None:
+        """Give a job to the thread, which begins with its first one and, closed, with the next one."""
+        if self._jobs is None:
+            self._jobs = SimpleQueue()
+            threading.Thread(target=_work, args=(self._jobs,), name="loop", daemon=True).start()
+        self._jobs.put(job)
 
     def do(
         self, function: Callable[[], Any], patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]
@@ -46,7 +47,7 @@ class Worker:
                 outcome[1] = error
             done.set()
 
-        self._jobs.put(job)
+        self._hand(job)
         try:
             self._wait(done, patience, stop, wanted)
         except BaseException:
@@ -79,4 +80,11 @@ class Worker:
 
     def close(self) -> None:
         """Let the thread end once it has nothing to do."""
-        self._jobs.put(None)
+        if self._jobs is not None:
+            self._jobs.put(None)
+            self._jobs = None
+
+
+def _work(jobs: SimpleQueue[Callable[[], None] | None]) -> None:
+    while job := jobs.get():
+        job()

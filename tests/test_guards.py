@@ -178,3 +178,14 @@ def test_what_a_method_would_ignore_is_refused(wired):
     with pytest.raises(DiagramErrors) as caught:
         wired("run: {stop: 1, step: 0.1}\nblocks:\n  s: {type: Sine, integrator: rk4, parameters: {A: 1}}\n")
     assert [type(e) for e in caught.value.errors] == [WrongValue]
+
+
+def test_a_closed_simulation_may_begin_anew(wired):
+    built = table.build(wired("run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator}\n"), "jacobi")
+    one = Simulation(built, simulation.compile_table(built))
+    for start in (1.0, 2.0):
+        one.arena[:] = built.arena
+        built.signal(Signal("o", "x"), one.arena)[...] = start
+        one.initialize()
+        one.close()
+        assert one.value(Signal("o", "x")) == start
