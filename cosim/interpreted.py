@@ -12,7 +12,7 @@ import ctypes
 import ctypes.util
 import math
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
 
@@ -22,8 +22,13 @@ _SIGN, _MODULUS = 1 << 63, 1 << 64
 _REPEATED = 0x10000  # up to this exponent, an integer power is a repeated product
 
 
+def _checked(value: int) -> Integer:
+    """An integer that is known to have 64 bits."""
+    return int.__new__(Integer, value)
+
+
 def _wrapped(value: int) -> Integer:
-    return Integer((value + _SIGN) % _MODULUS - _SIGN)
+    return _checked((value + _SIGN) % _MODULUS - _SIGN)
 
 
 def _binary(name: str, swapped: bool) -> Callable[[Any, Any], Any]:
@@ -114,6 +119,8 @@ class Integer(int):
     __hash__ = int.__hash__
 
 
+_SMALL = tuple(map(_checked, range(1000)))  # those that loops count with
+
 for _name in ("add", "sub", "mul", "floordiv", "mod"):
     setattr(Integer, f"__{_name}__", _binary(_name, swapped=False))
     setattr(Integer, f"__r{_name}__", _binary(_name, swapped=True))
@@ -149,6 +156,8 @@ def power(base: np.float64, exponent: int) -> np.float64:
 
 def number(value: Any) -> Any:
     """What a kernel makes of a constant, or of an element that it reads."""
+    if type(value) is np.float64:
+        return value
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
@@ -158,38 +167,49 @@ def number(value: Any) -> Any:
     return value
 
 
-class Array(np.ndarray):
-    """An array whose elements are read as kernels read them, and written where they fit."""
+class Reals(np.ndarray):
+    """An array of float64, whose elements numpy reads and writes as kernels do."""
+
+
+class Array(Reals):
+    """An array of another type, whose elements are read as kernels read them, and written where they fit."""
 
     def __getitem__(self, index: Any) -> Any:
-        found = super().__getitem__(_plain(index))
+        found = super().__getitem__(index)
         return found if isinstance(found, np.ndarray) else number(found)
 
     def __setitem__(self, index: Any, value: Any) -> None:
         if not isinstance(value, np.ndarray):
             fits(value, self.dtype)
-        super().__setitem__(_plain(index), _plain(value))
+        super().__setitem__(index, value)
 
 
 for _name, _ufunc in (("add", np.add), ("sub", np.subtract), ("mul", np.multiply), ("truediv", np.divide)):
-    setattr(Array, f"__i{_name}__", lambda self, other, ufunc=_ufunc: ufunc(self, _plain(other), out=self))
+    setattr(Reals, f"__i{_name}__", lambda self, other, ufunc=_ufunc: ufunc(self, _plain(other), out=self))
+
+
+def array(plain: np.ndarray) -> np.ndarray:
+    """An array as an interpreted function sees it, in the same memory."""
+    return plain.view(Reals if plain.dtype == np.float64 else Array)
 
 
 def _plain(value: Any) -> Any:
-    """An index or a number as numpy knows it."""
-    if isinstance(value, tuple):
-        return tuple(_plain(v) for v in value)
-    if isinstance(value, slice):
-        return slice(*(_plain(v) for v in (value.start, value.stop, value.step)))
+    """A number as numpy knows it."""
     return int(value) if isinstance(value, Integer) else value
+
+
+_BOUNDS = {np.dtype(kind): (np.iinfo(kind).min, np.iinfo(kind).max) for kind in "bBhHiIqQ"}
 
 
 def fits(value: Any, dtype: np.dtype) -> None:
     """Raises: TypeError, OverflowError, where an element of that type cannot hold the number."""
-    if dtype.kind in "iub" and isinstance(value, float):
-        raise TypeError(f"a real number is put into an array of {dtype}")
-    if dtype.kind in "iu" and not np.iinfo(dtype).min <= value <= np.iinfo(dtype).max:
-        raise OverflowError(f"{int(value)} does not fit into {dtype}")
+    if isinstance(value, float):
+        if dtype.kind != "f":
+            raise TypeError(f"a real number is put into an array of {dtype}")
+    elif dtype in _BOUNDS:
+        least, most = _BOUNDS[dtype]
+        if not least <= value <= most:
+            raise OverflowError(f"{int(value)} does not fit into {dtype}")
 
 
 # ---- stand-ins --------------------------------------------------------------------------------------------------
@@ -223,8 +243,11 @@ def _to_integer(rounded: Callable[[float], int]) -> Callable[[Any], Any]:
     return convert
 
 
-def _range(*bounds: Any) -> Iterator[Integer]:
-    return map(Integer, range(*map(int, bounds)))
+def _range(*bounds: Any) -> Iterable[Integer]:
+    numbers = range(*bounds)
+    if min(numbers.start, numbers.stop) >= 0 and numbers.stop <= len(_SMALL) and numbers.step > 0:
+        return _SMALL[numbers.start : numbers.stop : numbers.step]
+    return map(_checked, numbers)
 
 
 def _round(value: Any, digits: Any = None) -> Any:
@@ -236,7 +259,7 @@ _BUILTINS = {
     "int": Integer,
     "round": _round,
     "float": np.float64,
-    "len": lambda value: Integer(len(value)),
+    "len": lambda value: _checked(len(value)),
 }
 _MATH: dict[str, Any] = {name: _of_libm(name, 1) for name in _ONE}
 _MATH |= {name: _of_libm(name, 2) for name in _TWO}
@@ -285,9 +308,9 @@ def seen(value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(map(seen, value))
     if isinstance(value, np.ndarray):
-        array = value.view(Array)
-        array.flags.writeable = False  # a constant, for kernels
-        return array
+        constant = array(value)
+        constant.flags.writeable = False
+        return constant
     try:
         return _STANDING.get(value, number(value))
     except (TypeError, OverflowError):  # not hashable, or no number of ours

@@ -397,5 +397,5 @@ def _views(arena: np.ndarray, call: Call, compiled: bool, name: str, place: Plac
     arrays = [view.reshape(1) if place.shape == () else view for view in views]
     for array in arrays:
         array.flags.writeable = name in call.function.writes
-    arrays = [array.view(interpreted.Array) for array in arrays] if compiled else arrays
+    arrays = [interpreted.array(array) for array in arrays] if compiled else arrays
     return [(lambda array=array: array) for array in arrays]

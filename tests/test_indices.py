@@ -67,6 +67,8 @@ INSIDE = {
     "counted from the end": ("y[k] = u[k]", -2),
     "a slice is cut to the array": ("part = u[1:k]; y[1] = part[part.size - 1]", 10**9),
     "an empty slice": ("part = u[k:]; y[1] = part.size", 7),
+    "a loop that is not entered": ("for q in range(k): y[q + 5] = 1.0", -1),
+    "a loop backwards": ("for q in range(1, k, -1): y[q] = u[q]", -1),
     "a helper": ("put(y, k)", -1),
 }
 
