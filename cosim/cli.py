@@ -42,13 +42,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(words: list[str], began: float) -> int:
     try:
-        with interruption.heard():
+        with interruption.heard() as heard:
             with interruption.deferred() as interrupted:  # an import that is broken off may leave anything
                 parser = _parser(words)
             interrupted.raise_if_wanted()
             options = parser.parse_args(words)
             options.began = began
-            return _command(options)
+            return _command(options, heard)
     except KeyboardInterrupt as stopped:
         number = stopped.number if isinstance(stopped, interruption.Interrupted) else signal.SIGINT
         print(f"interrupted by {signal.Signals(number).name}", file=sys.stderr)
@@ -57,7 +57,7 @@ def _run(words: list[str], began: float) -> int:
         return leaving.code if isinstance(leaving.code, int) else DONE
 
 
-def _command(options: argparse.Namespace) -> int:
+def _command(options: argparse.Namespace, heard: interruption.Interruption) -> int:
     try:
         return options.run(options)
     except CosimError as error:
@@ -67,6 +67,7 @@ def _command(options: argparse.Namespace) -> int:
         wrong = CosimError(f"{where}{error.strerror or error}")
     except MemoryError:
         wrong = CosimError("there is not enough memory", fix="run fewer members or steps at a time, or record less")
+    heard.raise_if_wanted()  # Python wraps what is raised in some calls, and an import may translate it
     if getattr(options, "json", False):
         print(json.dumps({**_subject(options), "status": "failed", "error": str(wrong)}, ensure_ascii=False))
     sys.stdout.flush()

@@ -65,20 +65,22 @@ def deferred() -> Iterator[Interruption]:
 
 
 @contextmanager
-def heard() -> Iterator[None]:
-    """Inside, all signals raise Interrupted, wherever the program is."""
-    with _handled(_raise):
-        yield
+def heard() -> Iterator[Interruption]:
+    """Inside, all signals raise Interrupted, wherever the program is; what swallows it leaves the mark."""
+    interruption = Interruption()
+
+    def now(number: int, frame: FrameType | None) -> None:
+        interruption.number = number
+        interruption.raise_if_wanted()
+
+    with _handled(now):
+        yield interruption
 
 
 def ignore() -> None:
     """From here on no signal counts: the program is ending anyhow, and cleans up."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
-
-
-def _raise(number: int, frame: FrameType | None) -> None:
-    raise Interrupted(number)
 
 
 @contextmanager

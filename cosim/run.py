@@ -194,8 +194,8 @@ class Run:
             return interrupted.wanted
 
         try:
-            with interrupted.breakable():
-                self.simulation.initialize(wanted)
+            self.simulation.breakable = interrupted.breakable
+            self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()

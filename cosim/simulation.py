@@ -11,6 +11,7 @@ import math
 import time as clock
 import weakref
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
@@ -120,6 +121,8 @@ class Simulation:
         self._zeros = memory.shared if forked else memory.private
         self.arena = copy_of(table.arena, self._zeros)
         self.probes = probes
+        self.breakable: Callable[[], AbstractContextManager[None]] = nullcontext  # put around what is interpreted
+        self._interpreted = kernels is None and not forked
         self._initialized = False
         self._texts = self._zeros(TEXT_BYTES)
         self._causes: list[Exception] = []
@@ -220,7 +223,7 @@ class Simulation:
         """
         self._host.open()
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.initial
-        self._raise(self._host.run("execute", wanted))
+        self._raise(self._have("execute", wanted))
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.point
         self.control[engine.BETWEEN_BEGIN], self.control[engine.BETWEEN_END] = self.table.between
         self._initialized = True
@@ -292,9 +295,14 @@ class Simulation:
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
+    def _have(self, command: str, wanted: Callable[[], bool]) -> int:
+        """Have the loop do something. Interpreted, it is this thread that does it, and a block may not return."""
+        with self.breakable() if self._interpreted else nullcontext():
+            return self._host.run(command, wanted)
+
     def _do_batch(self, wanted: Callable[[], bool]) -> tuple[int, BaseException | None]:
         try:
-            return self._host.run("run", wanted), None
+            return self._have("run", wanted), None
         except (CosimError, KeyboardInterrupt) as error:  # a process has ended, but what it probed is here
             return engine.OK, error
 

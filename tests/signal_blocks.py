@@ -201,3 +201,18 @@ class Crashing(Block, compiled=False):
         import ctypes
 
         y[0] = ctypes.string_at(0)[0]
+
+
+class Stuck(Block, compiled=False):
+    """Counts steps, and does not return from 1.5 s on."""
+
+    x = State(output=True)
+
+    def update(time, x, next_x):
+        next_x[0] = x + 1.0
+        if time >= 1.5:
+            import sys
+
+            print("stuck", file=sys.stderr, flush=True)
+            while True:
+                pass

@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import interruption, results
+from cosim import cli, interruption, results
 from cosim.interruption import Interrupted, deferred, heard
 
 LONG = """
 title: long
-run: {stop: 1000000, step: 0.01}
+run: {stop: 1.0e+9, step: 0.01, integrator: rk4}
 blocks:
   oscillator: {type: Oscillator}
-record: {period: 0.1, signals: [oscillator.x]}
+record: {period: 10, signals: [oscillator.x]}
 metrics:
   largest: {signal: oscillator.x, reduce: max}
 """
@@ -61,11 +61,11 @@ def run(write, tmp_path):
         process.wait()
 
 
-def rows(path: Path) -> tuple[str, int, int]:
-    """A result's status, rows and steps; the rows are those of all times up to the last."""
+def rows(path: Path, every: int = 1000) -> tuple[str, int, int]:
+    """A result's status, rows and steps; the rows are those of all times up to the last, every so many steps."""
     with results.open_result(path) as result:
         count = len(result.times)
-        assert np.array_equal(result.times, np.arange(0, 10 * count, 10) * 0.01)
+        assert np.array_equal(result.times, np.arange(0, every * count, every) * 0.01)
         assert len(result["oscillator.x"]) == count
         return result.attrs["status"], count, result.attrs.get("steps", 0)
 
@@ -82,7 +82,27 @@ def test_a_signal_ends_a_run_with_all_its_rows(run, name, times):
     assert process.returncode == 128 + getattr(signal, name)
     answer = json.loads(out)
     assert answer["status"] == "interrupted" and "Traceback" not in err
-    assert rows(output) == ("interrupted", (answer["steps"] + 9) // 10, answer["steps"])
+    assert rows(output) == ("interrupted", (answer["steps"] + 999) // 1000, answer["steps"])
+
+
+def test_a_second_signal_ends_a_block_that_does_not_return(run):
+    """Interpreted; the rows before are kept."""
+    text = (
+        LONG.replace("stop: 1.0e+9", "stop: 100")
+        .replace("period: 10,", "period: 0.1,")
+        .replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck}")
+    )
+    process, output = run("--engine", "python", "--json", text=text.replace("oscillator.x", "stuck.x"))
+    while "stuck" not in process.stderr.readline():
+        pass
+    process.send_signal(signal.SIGTERM)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.3)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 143 and json.loads(out)["status"] == "interrupted"
+    with results.open_result(output) as result:
+        assert result.attrs["status"] == "interrupted" and result["stuck.x"].tolist() == list(range(0, 160, 10))
 
 
 def test_the_signal_is_named(run):
@@ -156,7 +176,7 @@ def test_at_every_instant_there_is_a_result_under_the_name(tmp_path):
                 time.sleep(0.001)
             time.sleep(0.02 + 0.0137 * k)
             process.kill()
-        assert rows(path)[0] in ("running", "completed")
+        assert rows(path, 10)[0] in ("running", "completed")
 
 
 def test_a_kill_at_the_moment_of_replacement(tmp_path, monkeypatch):
@@ -198,16 +218,18 @@ def test_a_full_disk_keeps_the_rows_and_shows_the_figures(run):
     assert process.returncode == 1 and "Traceback" not in err
     assert "largest" in out and "failed after" in out
     assert f"cannot write {output}: File too large" in err and "free some space" in err
-    status, count, _ = rows(output)
+    status, count, _ = rows(output, 10)
     assert status == "failed" and count > 600_000 / 16 / 4  # a row has 16 bytes; a fourth went for the file's own
 
 
 @pytest.mark.parametrize(("closed", "code"), [((1,), 1), ((2,), 0), ((0,), 0), ((0, 1, 2), 1)])
 def test_a_run_needs_no_standard_streams(run, closed, code):
-    process, output = run("--stop", "20", preexec_fn=lambda: [os.close(number) for number in closed])
+    process, output = run(
+        "--stop", "20", "--set", "record.period=0.1", preexec_fn=lambda: [os.close(number) for number in closed]
+    )
     out, err = process.communicate(timeout=60)
     assert process.returncode == code and "Traceback" not in err
-    assert rows(output) == ("completed", 201, 2000)
+    assert rows(output, 10) == ("completed", 201, 2000)
     assert ("largest" in out) is (1 not in closed)
     if closed == (1,):
         assert "error: cannot write to standard output: Bad file descriptor" in err
@@ -216,17 +238,17 @@ def test_a_run_needs_no_standard_streams(run, closed, code):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_a_full_standard_output_is_said(run):
     with open("/dev/full", "w") as full:
-        process, output = run("--stop", "20", stdout=full)
+        process, output = run("--stop", "20", "--set", "record.period=0.1", stdout=full)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 1 and "error: cannot write to standard output: No space left on device" in err
-    assert rows(output) == ("completed", 201, 2000)
+    assert rows(output, 10) == ("completed", 201, 2000)
 
 
 def test_a_reader_that_goes_early_changes_no_exit_code(run):
-    process, output = run("--stop", "20")
+    process, output = run("--stop", "20", "--set", "record.period=0.1")
     process.stdout.close()
     assert process.wait(timeout=60) == 0
-    assert "cannot write" not in process.stderr.read() and rows(output)[0] == "completed"
+    assert "cannot write" not in process.stderr.read() and rows(output, 10)[0] == "completed"
 
 
 def test_a_crash_of_the_process_is_told(run):
@@ -268,3 +290,15 @@ def test_a_second_signal_breaks_through_only_where_it_is_harmless():
         os.kill(os.getpid(), signal.SIGTERM)
         with pytest.raises(Interrupted):
             interrupted.raise_if_wanted()
+
+
+def test_an_import_that_wraps_the_interruption_is_no_mistake_of_the_file(tmp_path, capsys):
+    """Python makes a RuntimeError of what is raised in __set_name__."""
+    (tmp_path / "late.py").write_text(
+        "import os, signal\nclass Slow:\n    def __set_name__(self, owner, name):\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\nclass Late:\n    x = Slow()\n"
+    )
+    diagram = tmp_path / "late.yaml"
+    diagram.write_text("run: {stop: 1, step: 0.1}\nblocks: {b: {python: late.py:Late}}\n")
+    assert cli.main(["check", str(diagram)]) == 143
+    assert capsys.readouterr().err == "interrupted by SIGTERM\n"
