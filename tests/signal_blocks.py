@@ -176,9 +176,9 @@ class Clock(Block):
     """The time, and tables of what happened at 1.5 s."""
 
     t = Output(unit="s")
-    log = State(2, 2, output=True, start=math.nan, description="an event: rows [member, time]")
+    log = State(2, 2, output=True, start=math.nan, finite=False, description="an event: rows [member, time]")
     ones = State(2, 2, output=True, start=1.0, description="no table of events")
-    torn = State(2, 2, output=True, start=math.nan, description="a row that is no event")
+    torn = State(2, 2, output=True, start=math.nan, finite=False, description="a row that is no event")
 
     def outputs(time, t):
         t[0] = time
