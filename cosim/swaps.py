@@ -72,9 +72,15 @@ def settle(entry: BlockEntry, declaration: Declaration, problems: Problems) -> S
         "dimensions": {*declaration.dimension_names(), *declaration.dimensions},
     }
     other = _other_units(entry, before, known) if before else []
-    if entry.period and entry.period.inherited and not declaration.kind("update"):
-        entry.unfit["period"] = entry.period
-        entry.period = None
+    needs = {
+        "period": declaration.kind("update"),
+        **dict.fromkeys(("integrator", "inner_steps"), declaration.continuous()),
+    }
+    for key, needed in needs.items():
+        node = getattr(entry, key)
+        if node and node.inherited and not needed:
+            entry.unfit[key] = node
+            setattr(entry, key, None)
     lost = [*other, *_take_out(entry, names)]
     if lost:
         problems.add(_error(entry, lost, _offers(entry, lost, known, before)))

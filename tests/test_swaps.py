@@ -173,6 +173,13 @@ def test_a_key_that_goes_with_the_old_type_only(folder, key):
     assert len(dropped) == 1 and re.search(rf"{name}(\.n)? at base.yaml:6:", dropped[0].message)
 
 
+def test_an_integrator_is_dropped_by_what_has_no_continuous_states(folder):
+    swaps, waiver = ["body=own.py:Push"], ["blocks.body.drop=[mass, start.x, inputs.u, integrator]", "record=~"]
+    (error,) = [e for e in mistakes("base.yaml", ["record=~"], swaps) if isinstance(e, DroppedValue)]
+    assert "integrator at base.yaml:9:" in error.message and "drop: [mass, x, u, integrator]" in error.fix
+    assert "drops mass, start.x, inputs.u, integrator" in str(run.load("base.yaml", waiver, swaps).swaps[0])
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")
 def test_an_fmu_with_other_names_is_refused_and_the_lines_offered_make_it_right(folder, trajectories):
     """An FMU that calls the mass `m` and the force `force`, and calculates its position."""
