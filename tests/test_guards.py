@@ -138,7 +138,16 @@ def test_what_is_finite_and_what_may_be_infinite_goes_on(tmp_path, value):
 
 
 ENDLESS = """
-from cosim import Block, State
+from pathlib import Path
+from cosim import Block, Output, State
+
+class Mark(Block, compiled=False):
+    y = Output()
+
+    def outputs(time, y):
+        y[0] = time
+        if time > 0.025:
+            Path(__file__).with_name("mark").touch()
 
 class Bad(Block):
     x = State(output=True)
@@ -154,13 +163,15 @@ class Bad(Block):
 @pytest.mark.parametrize("interrupted", [False, True])
 def test_a_kernel_that_never_ends_hears_patience_and_ctrl_c(tmp_path, interrupted):
     own(tmp_path, ENDLESS)
+    path = tmp_path / "own.yaml"
+    path.write_text(path.read_text().replace("per: robot}}", "per: robot}, mark: {python: 'own.py:Mark'}}"))
     patience = "600" if interrupted else "0.5"
     words = ["run", str(tmp_path / "own.yaml"), "--set", f"run.patience={patience}", "-o", str(tmp_path / "own.nc")]
     command = [sys.executable, "-m", "cosim.cli", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         if interrupted:
-            while not (tmp_path / "own.nc").exists() and process.poll() is None:
-                time.sleep(0.05)  # until it records
+            while not (tmp_path / "mark").exists() and process.poll() is None:
+                time.sleep(0.05)  # until it is about to begin what never ends
             process.send_signal(2)
         output, errors = process.communicate(timeout=120)
     if interrupted:
