@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import textwrap
 from pathlib import Path
 
@@ -11,6 +12,11 @@ import pytest
 from cosim import run, simulation, table
 from cosim.network import Network, Signal
 from cosim.simulation import Probes, Simulation
+
+# A shell starts what it runs in the background deaf to Ctrl-C, and a program that is started so stays so.
+for _number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+    if signal.getsignal(_number) == signal.SIG_IGN:
+        signal.signal(_number, signal.default_int_handler if _number == signal.SIGINT else signal.SIG_DFL)
 
 BLOCKS = Path(__file__).with_name("signal_blocks.py")
 
