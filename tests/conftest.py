@@ -56,8 +56,8 @@ def trajectories():
         one.initialize()
         parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
         for (samples,) in one.batches():
-            for name, signal in zip(names, signals, strict=True):
-                parts[name].append(samples.values[signal].copy())
+            for name, probed in zip(names, signals, strict=True):
+                parts[name].append(samples.values[probed].copy())
         return {name: np.concatenate(arrays) for name, arrays in parts.items()}
 
     return trajectory
