@@ -85,7 +85,8 @@ def judge_run(network: Network, courses: Mapping[Signal, list[Course]]) -> list[
         try:
             findings += _findings(network, slave, rule, {s.variable: courses[s] for s in signals})
         except Exception as error:
-            text = f"cannot be judged: {type(error).__name__}: {error}"
+            cause = error.__cause__ or error
+            text = f"cannot be judged: {type(cause).__name__}: {cause}"
             findings.append(Finding(slave.name, rule.text, rule.source, False, text))
     return findings
 
@@ -127,7 +128,7 @@ def _judge(
         kind = "condition" if rule.warning else "rule"
         message = f"block {slave.name}: the {kind} `{rule.text}` of {slave.declaration.name} cannot be judged: "
         fix = f"correct its function{place}; it returns whether it holds, or that and a text"
-        raise DeclarationError(f"{message}{type(error).__name__}: {error}", slave.entry.position, fix) from None
+        raise DeclarationError(f"{message}{type(error).__name__}: {error}", slave.entry.position, fix) from error
 
 
 def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> Any:
