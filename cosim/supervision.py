@@ -199,15 +199,16 @@ class Crew:
     def _awaited(self, process: Process, wanted: Callable[[], bool]) -> tuple[bool, Any]:
         from multiprocessing.connection import wait
 
-        asked = 0.0
+        since = None
         self._patience.renew()
         while not process.answers:
             wait([p.connection for p in self._processes.values()], GLANCE)
             for each in self._processes.values():
                 each.listen()
-            asked += GLANCE if wanted() else 0.0
-            if asked > GRACE and not process.answers:
-                raise KeyboardInterrupt
+            if wanted() and not process.answers:
+                since = since or time.monotonic()
+                if time.monotonic() - since > GRACE:
+                    raise KeyboardInterrupt
             if self._patience.exhausted() and not process.answers:
                 raise Ended(process.name, f"no answer for {self._patience.limit:g} s", hung=True)
         return process.answers.pop(0)
