@@ -24,7 +24,7 @@ class Source:
 
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
     what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
-    place: file:line of the author's function.
+    place, who: file:line and name of the author's function.
     """
 
     symbol: str
@@ -34,6 +34,7 @@ class Source:
     disjoint: bool = False
     checked: bool = False
     place: str = ""
+    who: str = ""
 
 
 def is_scalar(variable: Variable, function: Function, argument: str) -> bool:
@@ -62,8 +63,9 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
         return fingerprint(function.python) + text
 
     def build() -> Callable[..., int]:
-        from cosim import arithmetic, intrinsics
+        from cosim import arithmetic, authors, intrinsics
 
+        authors.check([declaration], function)
         scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": function.python}
         exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)
         return scope["adapter"]
@@ -71,7 +73,15 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
     # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
     code = function.python.__code__
     place = f"{code.co_filename}:{code.co_firstlineno}"
-    return Source(function.name, build, digest + text, meaning, disjoint=True, checked=True, place=place)
+    facts = digest + text + _declared(declaration, function)
+    who = f"{declaration.name}.{function.name}()"
+    return Source(function.name, build, facts, meaning, disjoint=True, checked=True, place=place, who=who)
+
+
+def _declared(declaration: Declaration, function: Function) -> str:
+    """What the check of a function depends on beside its code: found compiled, it has been checked."""
+    variables = [(name, type(v).__name__, v.shape) for name, v in declaration.variables.items()]
+    return repr((function.kind, sorted(function.writes), sorted(variables)))
 
 
 def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:

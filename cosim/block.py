@@ -41,14 +41,18 @@ integer division by zero, and a number that its variable cannot hold, stop the r
 from __future__ import annotations
 
 import inspect
+import types
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from cosim.errors import DeclarationError, nearest
+from cosim import naming
+from cosim.errors import CosimError, DeclarationError, Problems, nearest
 
 Unit = str | tuple[str, ...] | None
 KINDS = ("calculate", "start", "outputs", "derivatives", "update")
@@ -239,6 +243,8 @@ class Declaration:
 
     Foreign blocks have functions of further kinds: ``initial`` (instead of `outputs`, at initialization), ``begin``
     (its end), ``step`` (from one communication point to the next) and ``events`` (those of the step that ends now).
+
+    home: the class itself. mistakes: all that contradicts itself in the class, except inside its functions.
     """
 
     name: str
@@ -251,6 +257,8 @@ class Declaration:
     compiled: bool = True
     foreign: Foreign | None = None
     most_instances: int | None = None
+    home: type | None = None
+    mistakes: tuple[CosimError, ...] = ()
 
     def of(self, *classes: type[Variable]) -> Iterator[Variable]:
         """The variables of the given classes, in the order of their declaration."""
@@ -312,27 +320,32 @@ def _declare(cls: Any, compiled: bool) -> Declaration:
         variables={k: v for k, v in members.items() if isinstance(v, Variable)},
         dimensions={k: v for k, v in members.items() if isinstance(v, Dimension)},
         rules=tuple(v for v in members.values() if isinstance(v, Rule)),
-        measuring=cls.measuring,
+        measuring=cls.measuring is True,
         compiled=compiled,
+        home=cls,
     )
+    problems = Problems()
+    for mistake in naming.mistakes(cls, members):
+        problems.add(mistake)
     written: set[str] = set()
     functions = []
     for name, member in members.items():
-        kind = next((k for k in KINDS if name == k or (k == "outputs" and name.startswith("outputs_"))), None)
-        if kind is None:
-            continue
+        kind = naming.kind(name)
         python = member.__func__ if isinstance(member, staticmethod) else member
-        functions.append(_function(declaration, name, kind, python, written))
+        if kind is None or not isinstance(python, types.FunctionType):
+            continue
+        functions.append(_function(declaration, name, kind, python, written, problems))
         setattr(cls, name, staticmethod(python))
     declaration.functions = tuple(functions)
-    _check_complete(declaration)
+    _check_complete(declaration, problems)
     for rule in declaration.rules:
-        _check_rule(declaration, rule)
+        _check_rule(declaration, rule, problems)
+    declaration.mistakes = tuple(problems.sorted())
     return declaration
 
 
-def _check_rule(declaration: Declaration, rule: Rule) -> None:
-    """A rule names what is known when it is judged. Raises: DeclarationError."""
+def _check_rule(declaration: Declaration, rule: Rule, problems: Problems) -> None:
+    """A rule names what is known when it is judged."""
     known = {v.name for v in declaration.of(Parameter, Input)} | {*declaration.dimension_names()}
     if rule.warning:
         known |= {v.name for v in declaration.of(Output, Local, State)} | {"stop"}
@@ -341,14 +354,22 @@ def _check_rule(declaration: Declaration, rule: Rule) -> None:
             message = f"block {declaration.name}: the rule `{rule.text}` names `{argument}`"
             what = "what the block computes can be named by a `condition` only" if not rule.warning else ""
             computed = argument in declaration.variables
-            raise DeclarationError(message, fix=what if computed and what else nearest(argument, known))
+            place = naming.place_of_argument(rule.function, argument)
+            problems.add(DeclarationError(message, place, what if computed and what else nearest(argument, known)))
 
 
-def _function(declaration: Declaration, name: str, kind: str, python: Any, written: set[str]) -> Function:
+def _function(
+    declaration: Declaration, name: str, kind: str, python: Any, written: set[str], problems: Problems
+) -> Function:
     """Read a function's signature; `written` gathers what the functions before it write."""
-    arguments = tuple(inspect.signature(python).parameters)
+    if wrong := naming.signature(python):
+        fix = f"write a plain def {name}(…), whose arguments are variables of the block"
+        where = naming.place_of_argument(python, "") or naming.place_in(declaration.home, name)
+        problems.add(DeclarationError(f"block {declaration.name}: {name}() {wrong}", where, fix))
+    arguments = python.__code__.co_varnames[: python.__code__.co_argcount]
     writes = set()
     for argument in arguments:
+        said = None
         prefix, _, state = argument.partition("_")
         derived = {"derivatives": "d", "update": "next"}.get(kind) == prefix and argument not in declaration.variables
         if derived and isinstance(declaration.variables.get(state), State):
@@ -358,31 +379,66 @@ def _function(declaration: Declaration, name: str, kind: str, python: Any, writt
             target: Any = {"calculate": CalculatedParameter, "start": State, "outputs": (Output, Local)}.get(kind)
             if target and isinstance(variable, target) and argument not in written:
                 writes.add(argument)
+            elif kind == "calculate" and not isinstance(variable, (Parameter, CalculatedParameter)):
+                what = f"names `{argument}`, which has no value yet: it is called once, before anything else"
+                said = what, "compute from parameters only, or use start() or outputs()"
+        elif argument == "self":
+            said = "names `self`, which a block's functions do not have", "remove it: their arguments are variables"
         elif argument != "time":
-            known = [*declaration.variables, "time"]
-            message = f"block {declaration.name}: {name}() names `{argument}`, which the block does not declare"
-            raise DeclarationError(message, fix=nearest(argument, known))
+            said = f"names `{argument}`, which the block does not declare", _meant(declaration, kind, argument)
+        if said:
+            message, place = f"block {declaration.name}: {name}() {said[0]}", naming.place_of_argument(python, argument)
+            problems.add(DeclarationError(message, place, said[1]))
     written |= writes
     return Function(name, kind, python, arguments, frozenset(writes))
 
 
-def _check_complete(declaration: Declaration) -> None:
-    """Everything that the block computes is computed by exactly one function.
+def _meant(declaration: Declaration, kind: str, argument: str) -> str:
+    """The nearest name that a function of a kind may write or read."""
+    prefix = {"derivatives": "d_", "update": "next_"}.get(kind)
+    results = [f"{prefix}{s.name}" for s in declaration.of(State)] if prefix else []
+    return nearest(argument, [*declaration.variables, *results, "time"])
 
-    Raises: DeclarationError.
-    """
+
+def _check_complete(declaration: Declaration, problems: Problems) -> None:
+    """Everything that the block computes is computed by exactly one function."""
     states = {s.name for s in declaration.of(State)}
     continuous, discrete = ({s.name for s in part} for part in (declaration.continuous(), declaration.discrete()))
-    for name in states:
+    for name in sorted(states):
         if (name in continuous) == (name in discrete):
             message = f"block {declaration.name}: state `{name}` needs either derivatives or an update"
-            raise DeclarationError(message, fix=f"name d_{name} in derivatives() or next_{name} in update()")
+            fix = f"name d_{name} in derivatives() or next_{name} in update()"
+            problems.add(DeclarationError(message, naming.place_in(declaration.home, name), fix))
     for kind, classes in (("outputs", (Output, Local)), ("calculate", (CalculatedParameter,))):
         computed = [name for f in declaration.kind(kind) for name in f.writes]
         for variable in declaration.of(*classes):
             if computed.count(variable.name) != 1:
                 message = f"block {declaration.name}: no {kind}() function computes `{variable.name}`"
-                raise DeclarationError(message, fix=f"name `{variable.name}` as an argument of {kind}()")
+                fix = f"name `{variable.name}` as an argument of {kind}()"
+                problems.add(DeclarationError(message, naming.place_in(declaration.home, variable.name), fix))
+
+
+#: Whether mistakes wait in the declarations until a file has been read to its end.
+_waiting: ContextVar[bool] = ContextVar("waiting", default=False)
+
+
+@contextmanager
+def mistakes_wait() -> Iterator[None]:
+    """Inside, a class with mistakes is made all the same: whoever imports it asks its declaration."""
+    token = _waiting.set(True)
+    try:
+        yield
+    finally:
+        _waiting.reset(token)
+
+
+def _raise_mistakes(declaration: Declaration) -> None:
+    from cosim import authors
+
+    problems = Problems()
+    for mistake in (*declaration.mistakes, *authors.mistakes(declaration, complete=False)):
+        problems.add(mistake)
+    problems.raise_one_or_all()
 
 
 class Block:
@@ -391,9 +447,13 @@ class Block:
     declaration: ClassVar[Declaration] = Declaration("Block", "")
     measuring: ClassVar[bool] = False
 
-    def __init_subclass__(cls, compiled: bool = True, **more: Any) -> None:
+    def __init_subclass__(cls, compiled: bool | None = None, **more: Any) -> None:
+        """compiled: as the base class, unless given. Raises: DeclarationError, DiagramErrors with several."""
         super().__init_subclass__(**more)
-        cls.declaration = _declare(cls, compiled)
+        inherited = [d for base in cls.__mro__[1:] if isinstance(d := vars(base).get("declaration"), Declaration)]
+        cls.declaration = _declare(cls, inherited[0].compiled if compiled is None else compiled)
+        if not _waiting.get() and (cls.declaration.functions or cls.declaration.mistakes):
+            _raise_mistakes(cls.declaration)
 
 
 class Measure(Block):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import llvmlite.binding as llvm
 
 from cosim import native
-from cosim.errors import KernelError
+from cosim.errors import CosimError, DiagramErrors, KernelError, Problems
 
 if TYPE_CHECKING:
     from cosim.adapters import Source
@@ -28,13 +28,23 @@ LIBC = frozenset(_LIBC.split())
 
 
 def compile_object(name: str, sources: Iterable[Source]) -> bytes:
-    """Object code of the sources for this machine. Raises: KernelError."""
+    """Object code of the sources for this machine.
+
+    Raises: KernelError, DeclarationError, DiagramErrors with several: each at its line in the author's file.
+    """
     triple, cpu, features = native.host()
-    return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
+    sources = tuple(sources)
+    try:
+        return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
+    except ForeignSymbols as error:
+        raise _located(error, name, sources) from None
 
 
-def compile_ir(name: str, sources: Iterable[Source]) -> str:
-    """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: KernelError."""
+def compile_ir(name: str, sources: Iterable[Source], debugging: bool = False) -> str:
+    """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``.
+
+    debugging: with the lines of the authors' files. Raises: as `compile_object`.
+    """
     from numba import types
     from numba.core.compiler import Compiler, Flags, compile_extra
     from numba.core.compiler_lock import global_compiler_lock
@@ -45,14 +55,16 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
     flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
-    with global_compiler_lock, helpers.unoptimised(), checks.checking():
+    flags.debuginfo = debugging
+    problems, good = Problems(), []
+    with global_compiler_lock, helpers.unoptimised(), helpers.debugging(debugging), checks.checking():
         target = helpers.target()
         library = target.target_context.codegen().create_library(name)
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
         for source in sources:
-            adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
             flags.noalias, flags.boundscheck = source.disjoint, source.checked
             try:
+                adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
                 result = compile_extra(
                     target.typing_context,
                     target.target_context,
@@ -65,10 +77,17 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
                     pipeline_class=checks.Compiler if source.checked else Compiler,
                 )
             except Exception as error:
-                raise _explain(error, f"{name}: {source.symbol}()", source.place) from error
+                problems.add(_explain(error, source, name))
+                continue
+            good.append(source)
             library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
-        library.finalize()
-        return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+        if not problems.errors:
+            library.finalize()
+    if problems.errors:
+        if good:
+            problems.attempt(compile_object, name, good)  # what is wrong with the others
+        problems.raise_one_or_all()
+    return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
 
 
 #: numba's array views are typed with a reference count; those that kernels see own nothing.
@@ -121,35 +140,43 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
     return machine.emit_object(module)
 
 
+class ForeignSymbols(KernelError):
+    """Object code that needs more than the C library."""
+
+    def __init__(self, name: str, symbols: list[str]) -> None:
+        why = "which allocates memory" if any("nrt" in s.lower() for s in symbols) else "which the C library lacks"
+        fix = "write results in place, declare work space as Local, or declare the class with `compiled=False`"
+        super().__init__(f"{name} cannot be compiled: it needs `{symbols[0]}`, {why}", fix=fix)
+        self.symbols = symbols
+
+
 def _refuse_foreign(module: Any, name: str) -> None:
     undefined = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
     foreign = sorted(n for n in undefined if not n.startswith("llvm.") and n not in LIBC)
     if foreign:
-        why = "it allocates memory" if any("NRT" in n or "nrt" in n for n in foreign) else "it is not in the C library"
-        raise KernelError(
-            f"{name} cannot be a kernel: it needs `{foreign[0]}` ({why})",
-            fix="write results in place, declare work space as Local, or declare the class with `compiled=False`",
-        )
+        raise ForeignSymbols(name, foreign)
 
 
-#: What numba says of a function that writes to what it only reads: by index, as an output, by fill(), by `u += 1`.
-_WRITES = (
-    "Cannot modify readonly array",
-    "explicit output that is read-only",
-    r"array\.fill.*readonly",
-    "object has no attribute 'args'",
-)
+def _located(error: ForeignSymbols, name: str, sources: tuple[Source, ...]) -> CosimError:
+    """The same as mistakes at their lines, which a compilation with debug locations tells."""
+    from cosim import diagnosis
+
+    problems = Problems()
+    for source in sources:
+        if not source.place:
+            continue
+        found = diagnosis.foreign_lines(compile_ir(name, [source], debugging=True), error.symbols)
+        for symbol, lines in found.items():
+            for file, line in lines:
+                problems.add(diagnosis.allocation(source.who, symbol, file, line))
+    unique = {str(e.position): e for e in reversed(problems.errors)}
+    return DiagramErrors(sorted(unique.values(), key=str)) if unique else error
 
 
-def _explain(error: Exception, name: str, place: str) -> KernelError:
-    """The compiler's message, cut to what an author can use, with the line it names or the function's own."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    found = [re.sub(r'^File "(.*)", line (\d+).*', r"\1:\2", line) for line in lines if line.startswith("File ")]
-    named = [line for line in found if not line.startswith("<adapter")]
-    text = next((line for line in lines if not line.startswith(("Failed in", "During:"))), type(error).__name__)
-    if any(re.search(words, str(error)) for words in _WRITES):
-        text = "it writes to an input, a parameter or another array that is read-only"
-    return KernelError(
-        f"{name} cannot be compiled: {text} ({named[-1] if named else place})",
-        fix="write results in place with loops and `math`, or declare the class with `compiled=False`",
-    )
+def _explain(error: Exception, source: Source, name: str) -> CosimError:
+    """A mistake of the author's as it is, and the compiler's message in the author's words."""
+    if isinstance(error, CosimError):
+        return error
+    from cosim import diagnosis
+
+    return diagnosis.explained(error, source.who or f"{name}: {source.symbol}()", source.place)

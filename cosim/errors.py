@@ -275,7 +275,17 @@ class Problems:
     def raise_if_any(self) -> None:
         """Raise `DiagramErrors` with all mistakes in the order of file, line and column."""
         if self.errors:
-            raise DiagramErrors(sorted(self.errors, key=_place))
+            raise DiagramErrors(self.sorted())
+
+    def raise_one_or_all(self) -> None:
+        """Raise the mistake itself where there is one only, else as `raise_if_any`."""
+        if len(self.errors) == 1:
+            raise self.errors[0]
+        self.raise_if_any()
+
+    def sorted(self) -> list[CosimError]:
+        """The mistakes in the order of file, line and column."""
+        return sorted(self.errors, key=_place)
 
 
 def _place(error: CosimError) -> tuple[str, int, int]:

@@ -21,8 +21,9 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
-from cosim import installed, source
-from cosim.block import Block
+from cosim import importing, installed, source
+from cosim.author_source import shown
+from cosim.block import Block, mistakes_wait
 from cosim.entry import BlockEntry
 from cosim.errors import (
     AmbiguousBlock,
@@ -30,6 +31,7 @@ from cosim.errors import (
     CosimError,
     DiagramErrors,
     Position,
+    Problems,
     UnknownBlock,
     WrongValue,
     nearest,
@@ -80,18 +82,26 @@ def import_file(path: Path) -> ModuleType:
     linecache.checkcache(str(real))
     previous = sys.modules.get(name)
     sys.modules[name] = module
-    before = set(sys.modules)
+    before, beside = set(sys.modules), {}
+    problems = Problems()
     try:
         with _siblings(real.parent):
-            exec(compile(content, str(real), "exec"), module.__dict__)
+            try:
+                with importing.guarded(f"`{path}`"), mistakes_wait():
+                    exec(compile(content, str(real), "exec"), module.__dict__)
+            except (Exception, SystemExit, importing.Stuck) as error:
+                problems.add(_import_error(error, path, str(real.parent)))
+            for mistake in _mistakes(module, real.parent):
+                problems.add(mistake)
             _imported.update(n for n in set(sys.modules) - before if installed.package(n) != "cosim")
             beside = _beside(real.parent)
-    except (Exception, SystemExit) as error:
+        problems.raise_one_or_all()
+    except BaseException:
         if previous:
             sys.modules[name] = previous
         else:
             del sys.modules[name]
-        raise _import_error(error, path, str(real.parent)) from None
+        raise
     _files[real] = ({**beside, real: content}, module)
     return module
 
@@ -124,6 +134,20 @@ def _forget_changed(files: Mapping[Path, bytes]) -> None:
     for name in _imported & set(sys.modules):
         if getattr(sys.modules[name], "__file__", None) in changed:
             del sys.modules[name]
+        raise
+    _files[real] = (content, module)
+    return module
+
+
+def _mistakes(module: ModuleType, folder: Path) -> Iterator[CosimError]:
+    """Every mistake in the blocks of a file and of those of its folder that it uses."""
+    from cosim import authors
+
+    for block in _block_classes(module):
+        home = sys.modules.get(block.__module__)
+        if home is module or (home and _is_inside(home, folder)):
+            yield from block.declaration.mistakes
+            yield from authors.mistakes(block.declaration)
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:
@@ -135,6 +159,10 @@ def _from_libraries(entry: BlockEntry) -> type[Block]:
         message = f"block `{entry.name}`: `{name}` is both in {modules}"
         raise AmbiguousBlock(message, place, "rename one of the classes, or name its file with `python:`")
     if classes:
+        if not classes[0].declaration.compiled:  # else it is checked before it is compiled
+            from cosim import authors
+
+            authors.check([classes[0].declaration])
         return classes[0]
     unknown = UnknownBlock(f"block `{entry.name}`: there is no block type `{name}`", place, nearest(name, known))
     if errors:
@@ -172,13 +200,18 @@ def _libraries() -> tuple[dict[str, list[type[Block]]], list[CosimError]]:
 def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
     """A package's public modules, and it itself."""
     try:
-        module = importlib.import_module(name)
-    except (Exception, SystemExit) as error:
+        with importing.guarded(f"`{name}`"), mistakes_wait():
+            module = importlib.import_module(name)
+    except (Exception, SystemExit, importing.Stuck) as error:
         spec = _spec(name)
         file = Path(os.path.relpath(spec.origin)) if spec and spec.origin else Path(name)
         errors.append(_import_error(error, file, str(file.resolve().parent)))
         return
-    yield module
+    own = [block for block in _block_classes(module) if block.__module__ == name]
+    wrong = [mistake for block in own for mistake in block.declaration.mistakes]
+    errors.extend(wrong)
+    if not wrong:
+        yield module
     for child in pkgutil.iter_modules(getattr(module, "__path__", ())):
         if not child.name.startswith("_"):
             yield from _modules(f"{name}.{child.name}", errors)
@@ -186,13 +219,17 @@ def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
 
 def _classes(module: ModuleType, package: str) -> Iterator[type[Block]]:
     """A module's public block classes; with a package, those only that are defined in it."""
+    inside = f"{package}." if package else ""
+    known = [block for block in _block_classes(module) if f"{block.__module__}.".startswith(inside)]
     for name, member in vars(module).items():
-        if not (isinstance(member, type) and issubclass(member, Block)) or name.startswith("_"):
-            continue
-        if member.__module__ != Block.__module__ and f"{member.__module__}.".startswith(
-            f"{package}." if package else ""
-        ):
+        if isinstance(member, type) and member in known and not name.startswith("_"):
             yield member
+
+
+def _block_classes(module: ModuleType) -> list[type[Block]]:
+    """All block classes that a module knows, private ones too."""
+    members = [m for m in vars(module).values() if isinstance(m, type) and issubclass(m, Block)]
+    return [m for m in dict.fromkeys(members) if m.__module__ != Block.__module__]
 
 
 def _import_error(error: BaseException, path: Path, folder: str) -> CosimError:
@@ -204,9 +241,8 @@ def _import_error(error: BaseException, path: Path, folder: str) -> CosimError:
         frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(folder)]
         line, column = (frames[-1].lineno or 0, (frames[-1].colno or 0) + 1) if frames else (0, 0)
         file = Path(frames[-1].filename) if frames else path
-        text = f"{type(error).__name__}: {error}"
-    same = file.exists() and path.exists() and os.path.samefile(file, path)
-    place = Position(str(path if same else os.path.relpath(file)), line, column)
+        text = str(error) if isinstance(error, importing.Stuck) else f"{type(error).__name__}: {error}"
+    place = Position(shown(str(file.resolve())), line, column)
     if isinstance(error, CosimError):
         error.position = error.position or place
         return error

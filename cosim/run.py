@@ -125,6 +125,10 @@ class Run:
         compiling = clock.perf_counter()
         if engine == "native" and kernels is None:
             kernels = simulation.compile_table(built)
+        elif engine == "python":
+            from cosim import authors
+
+            authors.check(slave.declaration for slave in network.slaves.values())
         compiled = clock.perf_counter() - compiling
         self.kernels_compiled = kernels.compiled if kernels else 0
         self.simulation = Simulation(built, kernels, self._probes())

@@ -21,7 +21,15 @@ import numpy as np
 
 from cosim import engine, faults, floating, hosts, interpreted, kernels, memory, supervision
 from cosim.block import State
-from cosim.errors import BlockFailed, CosimError, Diverged, KernelError
+from cosim.errors import (
+    BlockFailed,
+    CosimError,
+    DeclarationError,
+    DiagramErrors,
+    Diverged,
+    KernelError,
+    Problems,
+)
 from cosim.network import Signal, Slave
 from cosim.table import Call, Place, Table, copy_of
 
@@ -80,8 +88,12 @@ class Kernels:
 
 
 def compile_table(table: Table) -> Kernels:
-    """The compiled loop and the kernels of all slaves of a table, each block type once. Raises: KernelError."""
-    made: dict[tuple[Any, ...], kernels.Module] = {}
+    """The compiled loop and the kernels of all slaves of a table, each block type once.
+
+    Raises: DiagramErrors with all that keeps functions from being compiled, each at its line.
+    """
+    made: dict[tuple[Any, ...], kernels.Module | None] = {}
+    problems = Problems()
     result = Kernels(loop=kernels.engine_module())
     for name, slave in table.network.slaves.items():
         foreign = slave.declaration.foreign
@@ -93,17 +105,21 @@ def compile_table(table: Table) -> Kernels:
             continue
         key = (id(slave.declaration), *slave.constants().items())
         if key not in made:
-            made[key] = _module(slave)
+            made[key] = _module(slave, problems)
         result.modules[name] = made[key]
+    problems.raise_if_any()
     return result
 
 
-def _module(slave: Slave) -> kernels.Module:
-    """The kernels of a slave's type. Raises: KernelError, at the slave's place in the diagram."""
+def _module(slave: Slave, problems: Problems) -> kernels.Module | None:
+    """The kernels of a slave's type; None, and mistakes with the slave's name, where they cannot be compiled."""
     try:
         return kernels.block_module(slave.declaration, slave.constants())
-    except KernelError as error:
-        raise KernelError(f"block {slave.name}: {error.message}", slave.entry.type.position, error.fix) from error
+    except (KernelError, DeclarationError, DiagramErrors) as error:
+        for mistake in error.errors if isinstance(error, DiagramErrors) else [error]:
+            place = mistake.position or slave.entry.type.position
+            problems.add(type(mistake)(f"block {slave.name}: {mistake.message}", place, mistake.fix))
+        return None
 
 
 class Simulation:

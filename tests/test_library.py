@@ -1,11 +1,15 @@
 """Block classes found by name: in libraries, and in Python files next to a diagram."""
 
+import json
+import os
+import signal
+import subprocess
 import sys
 from importlib.metadata import EntryPoint
 
 import pytest
 
-from cosim import library
+from cosim import importing, library
 from cosim.block import Block
 from cosim.entry import BlockEntry
 from cosim.errors import (
@@ -174,7 +178,7 @@ def test_a_changed_file_is_imported_again(tmp_path):
         ("\nimport nothing_like_this\n", BlockImportError, 2, "nothing_like_this"),
         ("import sys\nsys.exit(3)\n", BlockImportError, 2, "SystemExit"),
         ("x = '\0'\n", BlockImportError, 0, "null bytes"),
-        (LAG.format(T=1.0).replace("(u, x, T, d_x)", "(u, xx, d_x)"), DeclarationError, 5, "`xx`"),
+        (LAG.format(T=1.0).replace("T, d_x)", "T, xx, d_x)"), DeclarationError, 12, "`xx`"),
     ],
 )
 def test_mistakes_in_a_python_file(tmp_path, content, error, line, words):
@@ -230,3 +234,95 @@ def test_the_blocks_of_the_repository_are_found():
     library._libraries.cache_clear()
     assert library.all_blocks()
     assert library.broken() == []
+
+
+BLOCK_FILE = LAG.format(T=1.0)
+
+
+def test_what_a_file_prints_while_it_is_imported_goes_to_standard_error(tmp_path):
+    text = "import os, subprocess, sys\nprint('one')\nsubprocess.run([sys.executable, '-c', 'print(\"two\")'])\n"
+    (tmp_path / "mine.py").write_text(text + "os.write(1, b'three')\n" + BLOCK_FILE)
+    (tmp_path / "d.yaml").write_text(
+        "run: {stop: 0.1, step: 0.1}\nblocks:\n  a: {python: 'mine.py:Lag', start: {u: 0}}\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "cosim.cli", "run", "d.yaml", "--json", "--engine", "python"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2 or json.loads(done.stdout)["status"] == "completed", done.stderr
+    assert not {"one", "two", "three"} & set(done.stdout.split()) and len(done.stdout.splitlines()) == 1
+    assert all(word in done.stderr for word in ("one", "two", "three"))
+
+
+@pytest.mark.parametrize("leave", ["os._exit(0)", "posix._exit(0)", "sys.exit(0)", "quit()", "raise SystemExit"])
+def test_a_file_that_would_end_the_process_is_an_error(tmp_path, leave):
+    (tmp_path / "mine.py").write_text(f"import os, sys\nimport {os.name} as posix\n\n{leave}\n{BLOCK_FILE}")
+    before = os._exit
+    with pytest.raises(BlockImportError) as caught:
+        library.find(entry("python", "mine.py:Lag", tmp_path))
+    assert (caught.value.position.file, caught.value.position.line) == (str(tmp_path / "mine.py"), 4)
+    assert os._exit is before
+
+
+def test_a_child_that_an_import_forks_may_end(tmp_path):
+    text = "import os\nchild = os.fork()\nif child == 0:\n    os._exit(7)\nstatus = os.waitpid(child, 0)[1]\n"
+    (tmp_path / "mine.py").write_text(text + "assert os.waitstatus_to_exitcode(status) == 7\n" + BLOCK_FILE)
+    assert library.find(entry("python", "mine.py:Lag", tmp_path)).__name__ == "Lag"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "while True:\n    pass\n",
+        "import threading\nlock = threading.Lock()\nlock.acquire()\nlock.acquire()\n",
+        "import time\n\n\ndef wait():\n    time.sleep(1e6)\n\n\nwait()\n",
+        "while True:\n    try:\n        while True:\n            pass\n    except Exception:\n        pass\n",
+    ],
+)
+def test_an_import_that_does_not_end_is_told_where_it_is(tmp_path, monkeypatch, body):
+    monkeypatch.setattr(importing, "PATIENCE", 0.2)
+    (tmp_path / "mine.py").write_text(body)
+    handler = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(BlockImportError, match=r"does not come to an end within 0\.2 s") as caught:
+        library.find(entry("python", "mine.py:Lag", tmp_path))
+    place = caught.value.position
+    assert place.file == str(tmp_path / "mine.py") and 0 < place.line <= len(body.splitlines())
+    assert signal.getsignal(signal.SIGALRM) is handler and signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_an_import_that_nothing_ends_ends_the_process(tmp_path):
+    loop = "while True:\n    try:\n        while True:\n            pass\n    except BaseException:\n        pass\n"
+    (tmp_path / "mine.py").write_text(loop)
+    program = "from cosim import importing, cli; importing.PATIENCE = 0.1; importing.AGAIN = 0.05; "
+    program += "cli.main(['blocks', 'mine.py:Lag'])"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2 and "the import of `mine.py` does not end" in done.stderr
+
+
+def test_all_mistakes_of_a_file_with_those_of_its_sibling(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wrong = BLOCK_FILE.replace("d_x[:] = (u - x) / T", "return x")
+    (tmp_path / "sibling.py").write_text(wrong.replace("Lag", "Other"))
+    (tmp_path / "mine.py").write_text("from sibling import Other\n" + wrong + "\n\n1 / 0\n")
+    with pytest.raises(DiagramErrors) as caught:
+        library.find(entry("python", "mine.py:Lag", tmp_path))
+    places = [(e.position.file, e.position.line) for e in caught.value.errors]
+    assert places == [("mine.py", 13), ("mine.py", 14), ("mine.py", 17), ("sibling.py", 12), ("sibling.py", 13)]
+
+
+def test_a_library_with_mistakes_in_a_declaration(tmp_path, libraries, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    both = BLOCK_FILE.replace("T = ", "time = ").replace("T, d_x)", "tt, d_x)")
+    package(tmp_path, "plants", lag=BLOCK_FILE, wrong=both.replace("Lag", "Wrong"))
+    libraries("plants")
+    assert list(library.all_blocks()) == ["Lag"]
+    assert [(e.position.file, e.position.line) for e in library.broken()] == [
+        ("plants/wrong.py", 10),
+        ("plants/wrong.py", 12),
+    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from cosim import inspection
+from cosim import inspection, simulation, table
 from cosim.commands.options import diagram_arguments, load_network
 
 
@@ -16,6 +16,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print blocks, wires, order and conditions."""
-    inspection.print_network(load_network(options, code=not options.no_code))
+    """Compile what a run needs, so that what `cosim run` would refuse is refused; print blocks, wires, order and conditions."""
+    network = load_network(options, code=not options.no_code)
+    if not options.no_code:
+        simulation.compile_table(table.build(network, network.diagram.run.method))
+    inspection.print_network(network)
     return 0

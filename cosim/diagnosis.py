@@ -1,0 +1,232 @@
+"""Why the compiler refuses an author's function: the line in the author's file, in the author's words."""
+
+from __future__ import annotations
+
+import ast
+import linecache
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from cosim.author_source import place_of, shown
+from cosim.errors import KernelError, Position
+
+PLAIN = "or declare the class with `compiled=False`"
+LOOP = f"write a loop over the elements, such as y[q] = u[q] + w[q], {PLAIN}"
+
+#: Patterns of numba's words: what they mean to an author, and what to write instead.
+_MEANINGS = (
+    (
+        # The last is what numba says of `u += 1`.
+        r"Cannot modify read-?only|explicit output that is read-only|>>> i?\w*setitem\(readonly|>>> fill\(readonly"
+        r"|array\.fill.*readonly|object has no attribute 'args'",
+        "writes to an input, a parameter or another array that it may only read",
+        "write to a Local, or to what the function computes",
+    ),
+    (
+        r">>> getitem\((?P<a>int\d+|float\d+|bool\w*), ",
+        "takes an element of a number",
+        "leave the index out, or declare the variable with a shape",
+    ),
+    (
+        r"cannot index (?:readonly )?array\(\w+, (?P<a>\d)d.*?with (?P<b>\d) indices",
+        "gives {b} indices to an array of {a} axes",
+        "give one index for each axis",
+    ),
+    (
+        r"Unsupported array index type float",
+        "takes an element at an index that is no whole number",
+        "make it one with int(…)",
+    ),
+    (
+        r">>> setitem\(array\(.*?\), .*?, (?:readonly )?array\(",
+        "puts an array where one number has its place",
+        "write one element, such as y[q] = u[q]",
+    ),
+    (r">>> setitem\(.*complex", "puts a complex number where a real one has its place", "take its .real or .imag"),
+    (
+        r"built-in function (?P<a>\w+)>\) found for signature:\s+>>> \w+\((?:readonly )?array\(",
+        "gives an array to `{a}`, which takes numbers",
+        LOOP,
+    ),
+    (
+        r"Unknown attribute '(?P<a>\w+)' of type (int|float|bool)",
+        "asks a number for `.{a}`, which numbers do not have",
+        "declare the variable with a shape, or leave it out",
+    ),
+    (
+        r"Unknown attribute '(?P<a>\w+)' of type (readonly )?array",
+        "asks an array for `.{a}`, which arrays do not have in compiled code",
+        f"write it with loops and `math`, {PLAIN}",
+    ),
+    (
+        r"Unknown attribute '(?P<a>\w+)' of type Module\(<module '(?P<b>[\w.]+)'",
+        "uses `{b}.{a}`, which compiled code does not have",
+        f"write it with loops and `math`, {PLAIN}",
+    ),
+    (
+        r"Cannot unify (?P<a>.+?) and (?P<b>.+?) for",
+        "gives one name values of two kinds: {a} and {b}",
+        "use a name for each kind",
+    ),
+    (
+        r"Untyped global name '(?P<a>\w+)'.*?<class '(?P<b>[\w.]+)'>",
+        "uses `{a}` of the module, which is of type `{b}`; compiled code knows numbers, tuples, arrays and functions",
+        f"make it a number, a tuple or an array, {PLAIN}",
+    ),
+    (
+        r"Cannot bind '.*?to signature '(?P<a>.*?)'",
+        "calls a function of {a} with other arguments",
+        "give one value for each argument",
+    ),
+    (r"Invalid use of getiter with parameters \((int|float)", "loops over a number", "write range(…) around it"),
+)
+_TYPES = (
+    (r"(?:readonly )?array\(\w+, (\d)d, \w+\)", r"an array of \1 axes"),
+    (r"\b(Uni)?Tuple\(.*", "a tuple"),
+    (r"\b(float|int|uint)\d+\b", "a number"),
+    (r"Literal\[int\]\((-?\d+)\)", r"\1"),
+    (r"\bbool(ean)?\b", "a truth value"),
+)
+
+
+def explained(error: Exception, who: str, place: str) -> KernelError:
+    """What the compiler says of a function, at the innermost line of an author's that it names.
+
+    who: the function, in words; place: file:line where it begins.
+    """
+    text = str(error)
+    places = re.findall(r'^File "(?!<)(.*)", line (\d+)', text, re.M)
+    own = [(str(Path(file).resolve()), int(line)) for file, line in places if not _is_numbas(file)]
+    file, _, first = place.rpartition(":")
+    file, line = own[0] if own else (file, int(first or 0))
+    line = _line_of_statement(text, file, line)
+    for pattern, what, fix in _MEANINGS:
+        if match := re.search(pattern, text, re.S if "global" in pattern else 0):
+            groups = {k: _words(v) for k, v in match.groupdict().items()}
+            return KernelError(f"{who} {what.format(**groups)}", _position(file, line, None), fix)
+    said = [s.strip() for s in text.splitlines() if s.strip() and not s.startswith(("Failed in", "During:"))]
+    what = f"cannot be compiled: {' '.join(said[:2]) if said else type(error).__name__}"
+    return KernelError(f"{who} {what}", _position(file, line, None), f"write it with loops and `math`, {PLAIN}")
+
+
+def _line_of_statement(text: str, file: str, line: int) -> int:
+    """The line that numba marks, which its text names before it shows the file."""
+    during = re.search(r"^During: typing of .* at (\S.*) \((\d+)\)$", text, re.M)
+    return int(during[2]) if during and Path(during[1]).resolve() == Path(file) else line
+
+
+def _words(kind: str) -> str:
+    for pattern, word in _TYPES:
+        kind = re.sub(pattern, word, kind)
+    return kind
+
+
+def _is_numbas(file: str) -> bool:
+    return "/numba/" in Path(file).as_posix()
+
+
+# ---- symbols that object code may not need --------------------------------------------------------------------------
+
+
+def foreign_lines(ir: str, symbols: Iterable[str]) -> dict[str, list[tuple[str, int]]]:
+    """For each of an IR's symbols that are missing, the lines of authors that lead to it.
+
+    ir: unoptimised, with debug locations. A line leads to a symbol if it calls it, or a function of the compiler's own
+    that does.
+    """
+    bodies = dict(re.findall(r"^define [^@]*@\"?([\w.$%]+)\"?\([^\n]*\{\n(.*?)^\}", ir, re.M | re.S))
+    homes = _homes(ir)
+    calls = {name: _calls(body) for name, body in bodies.items()}
+    found: dict[str, list[tuple[str, int]]] = {}
+    for symbol in symbols:
+        leading = {symbol}
+        while more := {f for f, c in calls.items() if f not in leading and not homes.get(f) and _reaches(c, leading)}:
+            leading |= more
+        lines: dict[str, set[int]] = defaultdict(set)
+        for function, called in calls.items():
+            if file := homes.get(function):
+                lines[file] |= {line for callee, line in _lines(ir, called) if callee in leading}
+        found[symbol] = sorted((file, line) for file, numbers in lines.items() for line in numbers)
+    return found
+
+
+def _calls(body: str) -> list[tuple[str, str]]:
+    """(callee, number of its debug location) of the calls in a function."""
+    return re.findall(r"(?:call|invoke) [^@\n]*@\"?([\w.$%]+)\"?\([^\n]*?!dbg !(\d+)", body) + [
+        (callee, "") for callee in re.findall(r"(?:call|invoke) [^@\n]*@\"?([\w.$%]+)\"?\((?![^\n]*!dbg)", body)
+    ]
+
+
+def _reaches(calls: list[tuple[str, str]], targets: set[str]) -> bool:
+    return any(callee in targets for callee, _ in calls)
+
+
+def _lines(ir: str, calls: list[tuple[str, str]]) -> list[tuple[str, int]]:
+    locations = _locations(ir)
+    return [(callee, locations[number]) for callee, number in calls if number in locations]
+
+
+def _locations(ir: str) -> dict[str, int]:
+    return {n: int(line) for n, line in re.findall(r"^!(\d+) = (?:distinct )?!DILocation\(line: (\d+)", ir, re.M)}
+
+
+def _homes(ir: str) -> dict[str, str]:
+    """The file of each function that an author wrote."""
+    files = {}
+    for number, name, folder in re.findall(r'^!(\d+) = !DIFile\(filename: "(.*?)", directory: "(.*?)"', ir, re.M):
+        if not name.startswith("<") and not _is_numbas(folder) and not folder.endswith("/cosim"):
+            files[number] = str(Path(folder) / name)
+    programs = re.findall(r"^!(\d+) = distinct !DISubprogram\([^\n]*?file: !(\d+)", ir, re.M)
+    home = {number: files[file] for number, file in programs if file in files}
+    defined = re.findall(r"^define [^@]*@\"?([\w.$%]+)\"?\([^\n]*!dbg !(\d+)", ir, re.M)
+    return {name: home[number] for name, number in defined if number in home}
+
+
+def allocation(who: str, symbol: str, file: str, line: int) -> KernelError:
+    """What is said of a line that needs a symbol that object code may not need."""
+    node = _culprit(file, line)
+    memory = "nrt" in symbol.lower()
+    why = "which needs memory of its own" if memory else f"which needs `{symbol}`, no function of the C library"
+    if isinstance(node, ast.Call):
+        what = f"calls `{ast.unparse(node.func)}`, {why}"
+        fix = f"write it as a loop, or declare work space as a Local, {PLAIN}"
+    elif node is not None:
+        what, fix = f"computes with whole arrays in `{_short(node)}`, {why}", LOOP
+    else:
+        what, fix = f"has an expression here, {why}", LOOP
+    return KernelError(f"{who} {what}", _position(file, line, node), fix)
+
+
+def _culprit(file: str, line: int) -> Any:
+    """The call or the arithmetic of a statement that is most likely to make an array."""
+    calls, operations = [], []
+    for node in _nodes(file):
+        if getattr(node, "lineno", 0) == line:
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                calls.append(node)
+            elif isinstance(node, ast.BinOp | ast.UnaryOp | ast.Compare):
+                operations.append(node)
+    found = calls or operations
+    return min(found, key=lambda n: n.col_offset, default=None)
+
+
+def _short(node: Any) -> str:
+    text = ast.unparse(node)
+    return text if len(text) <= 40 else f"{text[:39]}…"
+
+
+def _nodes(file: str) -> Iterable[Any]:
+    try:
+        return ast.walk(ast.parse("".join(linecache.getlines(file))))
+    except (SyntaxError, ValueError):
+        return ()
+
+
+def _position(file: str, line: int, node: Any) -> Position:
+    if node is not None:
+        return place_of(file, node)
+    text = linecache.getline(file, line)
+    return Position(shown(file), line, len(text) - len(text.lstrip()) + 1 if line else 0)

@@ -1,0 +1,138 @@
+"""What a block class may call its variables and functions, and how its functions are to be declared."""
+
+from __future__ import annotations
+
+import inspect
+import keyword
+import types
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from cosim import block as blocks
+from cosim.author_source import class_text, function_text, shown
+from cosim.errors import DeclarationError, Position, nearest
+
+_OWN = ("declaration", "measuring")
+
+
+def mistakes(cls: type, members: dict[str, Any]) -> Iterator[DeclarationError]:
+    """What is wrong with the names in a class. members: its own and the inherited ones."""
+    states = {k for k, v in members.items() if isinstance(v, blocks.State)}
+    sizes = {d for v in members.values() if isinstance(v, blocks.Variable) for d in v.shape}
+    for name, member in vars(cls).items():
+        said = None
+        if isinstance(member, blocks.Variable):
+            said = _variable(name, member, states, sizes)
+        elif isinstance(member, type) and issubclass(member, blocks.Variable) and name != member.__name__:
+            said = f"`{name} = {member.__name__}` declares nothing", f"write {name} = {member.__name__}()"
+        elif isinstance(member, types.FunctionType) and not name.startswith("_") and kind(name) is None:
+            said = _stray(name, member)
+        elif member is not None and kind(name) and not isinstance(member, types.FunctionType | staticmethod):
+            said = f"`{name}` is no plain function, as a block's functions are", f"write def {name}(…):"
+        if said:
+            yield DeclarationError(f"block {cls.__name__}: {said[0]}", place_in(cls, name), said[1])
+
+
+def kind(name: str) -> str | None:
+    """The kind of the function that a name is for."""
+    return next((k for k in blocks.KINDS if name == k or (k == "outputs" and name.startswith("outputs_"))), None)
+
+
+def _variable(name: str, variable: Any, states: set[str], sizes: set[Any]) -> tuple[str, str] | None:
+    word = type(variable).__name__.lower()
+    if name == "time":
+        return "`time` is the simulated time, and cannot name a variable", "call it otherwise, such as `t_end`"
+    if kind(name):
+        return f"`{name}` names a kind of function, and cannot name a variable", f"call it otherwise, such as `{name}_`"
+    if name in _OWN or (name.startswith("__") and name.endswith("__")):
+        return f"`{name}` has a meaning of its own in a class, and cannot name a variable", "call it otherwise"
+    if keyword.iskeyword(name) or not name.isidentifier():
+        return f"`{name}` cannot name an argument of a function", f"call it otherwise, such as `{name}_`"
+    for prefix, meaning in (("d_", "derivatives() writes the derivative"), ("next_", "update() writes the next value")):
+        if name.startswith(prefix) and name[len(prefix) :] in states:
+            what = f"`{name}` is the name under which {meaning} of state `{name[len(prefix) :]}`"
+            return what, f"call the {word} otherwise"
+    if name in sizes:
+        return (
+            f"`{name}` is also the name of a dimension, so that rules could not tell them apart",
+            "rename one of them",
+        )
+    for size in variable.shape:
+        named = isinstance(size, str) and size.isidentifier() and not keyword.iskeyword(size)
+        if not named and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
+            what = f"the shape of `{name}` has {size!r}, which is neither a name nor a whole number from 1"
+            return what, 'write the sizes one by one, such as ("robots", 2)'
+    return None
+
+
+def _stray(name: str, function: Any) -> tuple[str, str]:
+    """A function that the framework would never call."""
+    if name == function.__name__ or function.__name__ == "<lambda>":
+        known = [*blocks.KINDS, "outputs_…"]
+        what = f"`{name}` is neither a function that the framework calls nor a rule"
+        return what, f"{nearest(name, known)} Rules are decorated with @rule(…); helpers stand outside the class"
+    return f"`{name}` is neither a function that the framework calls nor a rule", "move it out of the class"
+
+
+def twice(cls: type, variables: Iterable[str]) -> Iterator[DeclarationError]:
+    """Names that a class body gives twice, so that the first meaning is lost."""
+    text = class_text(cls)
+    first: dict[str, Any] = {}
+    for statement in text.node.body if text else ():
+        for name in _names(statement):
+            known = name in variables or kind(name) is not None
+            if name in first and known and text:
+                what = f"block {cls.__name__}: `{name}` is defined twice, and the first definition is lost"
+                fix = "give one of them another name" + (", such as outputs_first" if kind(name) == "outputs" else "")
+                yield DeclarationError(what, text.place(statement), fix)
+            first[name] = statement
+
+
+def _names(statement: Any) -> list[str]:
+    if hasattr(statement, "name"):
+        return [statement.name]
+    targets = getattr(statement, "targets", None) or [getattr(statement, "target", None)]
+    return [t.id for t in targets if hasattr(t, "id") and getattr(statement, "value", None) is not None]
+
+
+def signature(python: Any) -> str:
+    """What is wrong with the way in which a function is declared, or ""."""
+    if not isinstance(python, types.FunctionType) or hasattr(python, "__wrapped__"):
+        return "is decorated or no plain function"
+    flags = python.__code__.co_flags
+    if python.__name__ == "<lambda>":
+        return "is a lambda, which cannot write"
+    if flags & (inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR):
+        return "is asynchronous"
+    if flags & inspect.CO_GENERATOR:
+        return "has a `yield`"
+    if flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS):
+        return "takes any number of arguments (*), where they tell what it reads and writes"
+    if python.__code__.co_kwonlyargcount:
+        return "has arguments by keyword only"
+    if python.__defaults__:
+        return "has arguments with defaults, which are never used"
+    return ""
+
+
+def place_in(cls: type | None, name: str) -> Position | None:
+    """Where a class defines a name; where the class begins, if that cannot be told."""
+    text = class_text(cls) if cls else None
+    if text is None:
+        return None
+    for statement in text.node.body:
+        if name in _names(statement):
+            return text.place(statement)
+    return text.place()
+
+
+def place_of_argument(python: Any, argument: str) -> Position | None:
+    """Where a function names an argument; where it begins, if that cannot be told."""
+    text = function_text(python)
+    if text is None:
+        code = getattr(python, "__code__", None)
+        return Position(shown(code.co_filename), code.co_firstlineno, 1) if code else None
+    for node in (*text.node.args.args, *text.node.args.posonlyargs):
+        if node.arg == argument:
+            return text.place(node)
+    return text.place()

@@ -1,0 +1,257 @@
+"""What a compiled function may do: that whose result is the same, to the last bit, in compiled code and in Python.
+
+What the compiler refuses is not listed here, but for what authors write most often; `cosim.compiler` explains the rest.
+Of numpy only exact operations are shared: its own sums add in another order, and its own functions round otherwise.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import math
+import types
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from cosim.author_source import Text, function_text
+from cosim.dataflow import resolve, scope_of
+
+_BUILTINS = "abs min max float int bool round len range enumerate zip pow divmod tuple complex slice any all reversed"
+SHARED_BUILTINS = frozenset(getattr(builtins, name) for name in _BUILTINS.split())
+_EXACT = (
+    "sqrt abs absolute fabs floor ceil trunc rint sign copysign signbit maximum minimum fmax fmin isnan isinf isfinite "
+    "square negative positive add subtract multiply divide true_divide logical_and logical_or logical_not logical_xor "
+    "bitwise_and bitwise_or bitwise_xor invert left_shift right_shift less less_equal greater greater_equal equal "
+    "not_equal nextafter spacing asarray ascontiguousarray ravel reshape transpose size ndim shape ndenumerate ndindex "
+    "copyto fill_diagonal argmin argmax amin amax min max"
+)
+SHARED_NUMPY = frozenset(getattr(np, name) for name in _EXACT.split())
+_MAKING = (
+    "zeros ones empty full zeros_like ones_like empty_like full_like array arange linspace eye identity concatenate "
+    "stack vstack hstack where clip outer cross diag sort argsort copy tile repeat roll flip"
+)
+MAKING_NUMPY = frozenset(getattr(np, name) for name in _MAKING.split())
+
+#: Methods of arrays whose result depends on the order of additions.
+ADDING = frozenset({"sum", "mean", "std", "var", "prod", "cumsum", "cumprod", "dot", "trace"})
+WORLD = frozenset(
+    {"time", "random", "os", "posix", "sys", "datetime", "secrets", "uuid", "io", "_io", "logging", "threading"}
+)
+WORK_SPACE = "declare work space as a Local, or use a tuple for a few numbers"
+
+
+def unshared(function: Any) -> Iterator[tuple[Text, Any, str, str]]:
+    """What a function and its helpers do that the engines do not share: (text, node, what, fix)."""
+    waiting, seen = [function], set()
+    while waiting:
+        current = waiting.pop()
+        text = function_text(current)
+        if text is None or current in seen:
+            continue
+        seen.add(current)
+        scope = scope_of(current)
+        for name in current.__code__.co_varnames:
+            scope.pop(name, None)
+        for node, what, fix in _found(text.node, scope):
+            yield text, node, what, fix
+        for node in ast.walk(text.node):
+            helper = resolve(node.func, scope) if isinstance(node, ast.Call) else None
+            helper = getattr(helper, "py_func", helper)
+            if isinstance(helper, types.FunctionType):
+                waiting.append(helper)
+
+
+def _found(function: Any, scope: dict[str, Any]) -> Iterator[tuple[Any, str, str]]:
+    allowed = _constant_lists(function)
+    annotations = _annotations(function)
+    waiting = list(function.body)
+    while waiting:
+        node = waiting.pop()
+        if id(node) in annotations:
+            continue
+        waiting.extend(ast.iter_child_nodes(node))
+        if id(node) not in allowed:
+            said = _statement(node) or _expression(node, scope)
+            if said:
+                yield node, *said
+
+
+def _constant_lists(function: Any) -> set[int]:
+    """Lists and sets of constants after `in`, which Python itself makes tuples of."""
+    found = set()
+    for node in ast.walk(function):
+        sources: list[Any] = []
+        if isinstance(node, ast.For):
+            sources = [node.iter]
+        elif isinstance(node, ast.Compare):
+            sources = node.comparators
+        for source in sources:
+            if isinstance(source, ast.List | ast.Set) and all(_is_constant(e) for e in source.elts):
+                found.add(id(source))
+    return found
+
+
+def _is_constant(node: Any) -> bool:
+    return isinstance(node, ast.Constant) or (isinstance(node, ast.UnaryOp) and isinstance(node.operand, ast.Constant))
+
+
+def _annotations(function: Any) -> set[int]:
+    return {id(n.annotation) for n in ast.walk(function) if isinstance(n, ast.AnnAssign)}
+
+
+def _statement(node: Any) -> tuple[str, str] | None:
+    match node:
+        case ast.Try() | ast.TryStar():
+            return (
+                "catches exceptions, which compiled code does not raise where Python does",
+                "test the values with `if`",
+            )
+        case ast.With() | ast.AsyncWith():
+            return "has a `with`, which compiled code lacks", "leave it out"
+        case ast.Import() | ast.ImportFrom():
+            return "imports, which compiled code cannot", "import at the top of the file"
+        case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
+            return f"defines `{node.name}` inside", "define it outside the class, with what it needs as arguments"
+        case ast.Lambda():
+            return "defines a lambda inside", "define a function outside the class, with what it needs as arguments"
+        case ast.Match():
+            return "has a `match`, which compiled code lacks", "write `if` and `elif`"
+    return None
+
+
+def _expression(node: Any, scope: dict[str, Any]) -> tuple[str, str] | None:
+    match node:
+        case ast.JoinedStr():
+            return (
+                "formats text, which the two engines do differently",
+                "compute with numbers; messages are constant texts",
+            )
+        case ast.Dict() | ast.DictComp() | ast.Set() | ast.SetComp():
+            return "makes a dictionary or a set, which needs memory of its own", WORK_SPACE
+        case ast.List() | ast.ListComp() | ast.GeneratorExp() if not isinstance(getattr(node, "ctx", None), ast.Store):
+            return "makes a list, which needs memory of its own", WORK_SPACE
+        case ast.BinOp(op=ast.MatMult()) | ast.AugAssign(op=ast.MatMult()):
+            fix = "write the sums as loops, such as y[i] += A[i, j] * x[j]"
+            return "multiplies matrices with `@`, which makes a new array and adds in another order", fix
+        case ast.BinOp(op=ast.Mod(), left=ast.Constant(value=str())):
+            return (
+                "formats text, which the two engines do differently",
+                "compute with numbers; messages are constant texts",
+            )
+        case ast.Compare() if any(isinstance(o, ast.Is | ast.IsNot) for o in node.ops):
+            return "asks with `is` for the same object, which numbers are not", "compare with == or !="
+        case ast.Call():
+            return _call(node, scope)
+        case ast.Subscript(ctx=ast.Store() | ast.Del(), value=ast.Name(id=name)) if name in scope:
+            return f"writes `{name}`, which belongs to the module", "keep what is to last in a State"
+        case ast.Attribute() | ast.Name() if isinstance(node.ctx, ast.Load):
+            value = resolve(node, scope)
+            if isinstance(value, types.ModuleType):
+                return None
+            return _value(value, ast.unparse(node)) if _is_world(value) else None
+    return None
+
+
+def _call(node: ast.Call, scope: dict[str, Any]) -> tuple[str, str] | None:
+    func = node.func
+    value = resolve(func, scope)
+    if isinstance(func, ast.Attribute) and value is None:
+        owner = resolve(func.value, scope)
+        if func.attr in ADDING and owner is None:
+            return _adds(f".{func.attr}()")
+        if func.attr in ("copy", "flatten", "tolist") and owner is None:
+            return _makes(f".{func.attr}()")
+        if func.attr in ("format", "join", "split", "encode"):
+            return "handles text, which the two engines do differently", "compute with numbers"
+        return None
+    return None if _is_world(value) else _value(value, ast.unparse(func))  # what is of the world is said of its name
+
+
+def _value(value: Any, name: str) -> tuple[str, str] | None:
+    """What is said of a function that is called."""
+    module = getattr(value, "__module__", None) or ""
+    if _is_world(value):
+        if isinstance(value, types.BuiltinFunctionType | types.MethodType) and _is_random(value, name):
+            return _draws(name)
+        fix = "name `time` as an argument for the simulated time" if module == "time" else "bring it in by an input"
+        return f"asks the world outside with `{name}`, which no run could repeat", fix
+    if module == "builtins" and isinstance(value, types.BuiltinFunctionType | type):
+        if value in SHARED_BUILTINS or (isinstance(value, type) and issubclass(value, BaseException)):
+            return None
+        if value is sum:
+            return _adds("sum()")
+        if value is print:
+            return "prints, which compiled code does not do as Python does", "declare a Local and record it"
+        return (
+            f"calls `{name}()`, which compiled code does not have as Python has it",
+            "compute with numbers and `math`",
+        )
+    if (
+        not (module.startswith("numpy") or isinstance(value, np.ufunc))
+        or _is_type(value)
+        or _is_in(value, SHARED_NUMPY)
+    ):
+        return None
+    short = name.rpartition(".")[2]
+    if module.startswith("numpy.random") or type(getattr(value, "__self__", None)).__module__.startswith(
+        "numpy.random"
+    ):
+        return _draws(name)
+    if _is_in(value, MAKING_NUMPY):
+        return _makes(f"{name}()")
+    twin = _TWINS.get(short, short)
+    if hasattr(math, twin):
+        return f"calls `{name}`, whose last bit differs between the two engines", f"use math.{twin}"
+    if isinstance(value, np.ufunc):
+        return f"calls `{name}`, whose last bit may differ between the two engines", "write it with `math`"
+    return _adds(f"{name}()")
+
+
+_TWINS = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "power": "pow"} | {
+    "arcsinh": "asinh",
+    "arccosh": "acosh",
+    "arctanh": "atanh",
+    "mod": "fmod",
+    "remainder": "fmod",
+    "sum": "",
+    "prod": "",
+}
+
+
+def _adds(name: str) -> tuple[str, str]:
+    what = f"calls `{name}`, which does not compute in the same order in the two engines"
+    return what, "write the loop, such as total += u[q]"
+
+
+def _makes(name: str) -> tuple[str, str]:
+    return f"makes a new array with `{name}`, which needs memory of its own", WORK_SPACE
+
+
+def _draws(name: str) -> tuple[str, str]:
+    fix = "draw the numbers in a study and give them as parameters, or compute them from a State"
+    return f"draws random numbers with `{name}`, which no run could repeat", fix
+
+
+def _is_type(value: Any) -> bool:
+    return isinstance(value, type) and issubclass(value, np.generic)
+
+
+def _is_in(value: Any, functions: frozenset[Any]) -> bool:
+    try:
+        return value in functions
+    except TypeError:
+        return False
+
+
+def _is_world(value: Any) -> bool:
+    if not callable(value):
+        return False
+    owner = getattr(value, "__self__", None)
+    own = type(owner).__module__ if owner is not None and not isinstance(owner, types.ModuleType) else ""
+    return (getattr(value, "__module__", None) or own or "") in WORLD or own in WORLD
+
+
+def _is_random(value: Any, name: str) -> bool:
+    return type(getattr(value, "__self__", None)).__module__ == "random" or name.startswith("random.")
