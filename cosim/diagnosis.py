@@ -21,7 +21,8 @@ _MEANINGS = (
     (
         # The last is what numba says of `u += 1`.
         r"Cannot modify read-?only|explicit output that is read-only|>>> i?\w*setitem\(readonly|>>> fill\(readonly"
-        r"|array\.fill.*readonly|object has no attribute 'args'",
+        r"|array\.fill.*readonly|object has no attribute 'args'"
+        r"|<ufunc '\w+'>\) found for signature:\s+>>> \w+\(.*readonly array\([^()]*\)\)",
         "writes to an input, a parameter or another array that it may only read",
         "write to a Local, or to what the function computes",
     ),

@@ -134,9 +134,6 @@ def _forget_changed(files: Mapping[Path, bytes]) -> None:
     for name in _imported & set(sys.modules):
         if getattr(sys.modules[name], "__file__", None) in changed:
             del sys.modules[name]
-        raise
-    _files[real] = (content, module)
-    return module
 
 
 def _mistakes(module: ModuleType, folder: Path) -> Iterator[CosimError]:
