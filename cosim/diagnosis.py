@@ -104,11 +104,13 @@ def explained(error: Exception, who: str, place: str) -> KernelError:
     file, _, first = place.rpartition(":")
     file, line = own[0] if own else (file, int(first or 0))
     line = _line_of_statement(text, file, line)
+    if "its result is a new array" in text:  # which `cosim.arithmetic` says
+        return allocation(who, "NRT", file, line)
     for pattern, what, fix in _MEANINGS:
         if match := re.search(pattern, text, re.S if "global" in pattern else 0):
             groups = {k: _words(v) for k, v in match.groupdict().items()}
             return KernelError(f"{who} {what.format(**groups)}", _position(file, line, None), fix)
-    said = [s.strip() for s in text.splitlines() if s.strip() and not s.startswith(("Failed in", "During:"))]
+    said = [s.strip() for s in text.splitlines() if s.strip() and not s.startswith(("Failed in", "During:", "File "))]
     what = f"cannot be compiled: {' '.join(said[:2]) if said else type(error).__name__}"
     return KernelError(f"{who} {what}", _position(file, line, None), f"write it with loops and `math`, {PLAIN}")
 

@@ -1,7 +1,8 @@
 """What a compiled function may do: that whose result is the same, to the last bit, in compiled code and in Python.
 
 What the compiler refuses is not listed here, but for what authors write most often; `cosim.compiler` explains the rest.
-Of numpy only exact operations are shared: its own sums add in another order, and its own functions round otherwise.
+Of numpy exact operations are shared, and the functions of one number that `cosim.interpreted` takes from the C library
+as compiled code does; numpy's own sums add in another order.
 """
 
 from __future__ import annotations
@@ -18,16 +19,18 @@ import numpy as np
 from cosim.author_source import Text, function_text
 from cosim.dataflow import resolve, scope_of
 
-_BUILTINS = "abs min max float int bool round len range enumerate zip pow divmod tuple complex slice any all reversed"
+_BUILTINS = "abs min max float int bool round len range enumerate zip pow divmod tuple complex slice any all reversed "
+_BUILTINS += "isinstance"
 SHARED_BUILTINS = frozenset(getattr(builtins, name) for name in _BUILTINS.split())
-_EXACT = (
+_SHARED = (
+    "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp expm1 log log2 log10 log1p "
     "sqrt abs absolute fabs floor ceil trunc rint sign copysign signbit maximum minimum fmax fmin isnan isinf isfinite "
     "square negative positive add subtract multiply divide true_divide logical_and logical_or logical_not logical_xor "
     "bitwise_and bitwise_or bitwise_xor invert left_shift right_shift less less_equal greater greater_equal equal "
     "not_equal nextafter spacing asarray ascontiguousarray ravel reshape transpose size ndim shape ndenumerate ndindex "
     "copyto fill_diagonal argmin argmax amin amax min max"
 )
-SHARED_NUMPY = frozenset(getattr(np, name) for name in _EXACT.split())
+SHARED_NUMPY = frozenset(getattr(np, name) for name in _SHARED.split())
 _MAKING = (
     "zeros ones empty full zeros_like ones_like empty_like full_like array arange linspace eye identity concatenate "
     "stack vstack hstack where clip outer cross diag sort argsort copy tile repeat roll flip"
@@ -59,7 +62,7 @@ def unshared(function: Any) -> Iterator[tuple[Text, Any, str, str]]:
         for node in ast.walk(text.node):
             helper = resolve(node.func, scope) if isinstance(node, ast.Call) else None
             helper = getattr(helper, "py_func", helper)
-            if isinstance(helper, types.FunctionType):
+            if isinstance(helper, types.FunctionType) and not (helper.__module__ or "").startswith(("numpy", "numba")):
                 waiting.append(helper)
 
 
@@ -202,11 +205,13 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
     if _is_in(value, MAKING_NUMPY):
         return _makes(f"{name}()")
     twin = _TWINS.get(short, short)
-    if hasattr(math, twin):
+    if hasattr(math, twin) and twin != "hypot":
         return f"calls `{name}`, whose last bit differs between the two engines", f"use math.{twin}"
     if isinstance(value, np.ufunc):
         return f"calls `{name}`, whose last bit may differ between the two engines", "write it with `math`"
-    return _adds(f"{name}()")
+    if short in ADDING | {"norm", "average", "einsum", "matmul", "vdot", "inner"}:
+        return _adds(f"{name}()")
+    return f"calls `{name}()`, which the two engines do not have alike", "write it as a loop, with numbers and `math`"
 
 
 _TWINS = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "power": "pow"} | {

@@ -316,7 +316,6 @@ SHARED = {
     "is": (outputs("s, w, y", W, Y, "if s is w:  #!", "    y[0] = s"), "for the same object", "=="),
     "id": (outputs("s, w, y", W, "fill(y, id(s))  #!"), r"calls `id\(\)`", ""),
     "hash": (outputs("s, w, y", W, "fill(y, hash(s))  #!"), r"calls `hash\(\)`", ""),
-    "isinstance": (outputs("s, w, y", W, "fill(y, isinstance(s, float))  #!"), r"calls `isinstance\(\)`", ""),
     "a dictionary": (outputs("s, w, y", W, "fill(y, {1: s}[1])  #!"), "makes a dictionary", "Local"),
     "a list": (outputs("s, w, y", W, "fill(y, [s, s][0])  #!"), "makes a list", "tuple"),
     "a comprehension": (outputs("u, w, y", W, "fill(y, max([a for a in u]))  #!"), "makes a list", ""),
@@ -333,7 +332,7 @@ SHARED = {
     "a sum": (outputs("u, w, y", W, "fill(y, sum(u))  #!"), r"calls `sum\(\)`", ""),
     "a product": (outputs("u, w, y", W, "fill(y, np.dot(u, u))  #!"), r"calls `np.dot\(\)`", ""),
     "a norm": (outputs("u, w, y", W, "fill(y, np.linalg.norm(u))  #!"), r"calls `np.linalg.norm\(\)`", ""),
-    "a function of numpy": (outputs("s, w, y", W, "fill(y, np.tanh(s))  #!"), "calls `np.tanh`", "math.tanh"),
+    "a function of numpy": (outputs("s, w, y", W, "fill(y, np.sinc(s))  #!"), "calls `np.sinc", ""),
     "try": (
         outputs("s, w, y", W, "try:  #!", f"    {Y}", "except ValueError:", f"    {Y}"),
         "catches exceptions",
@@ -548,7 +547,7 @@ def test_every_function_of_the_libraries_passes():
 
 def test_plain_python_may_do_what_compiled_code_cannot(tmp_path):
     free = outputs(
-        "u, s, w, y", "w[0] = sum(u) + np.tanh(s)", "try:", "    a = {1: [s]}", "finally:", "    y[:] = a[1]"
+        "u, s, w, y", "w[0] = sum(u) + np.sinc(s)", "try:", "    a = {1: [s]}", "finally:", "    y[:] = a[1]"
     )
     assert mistakes(tmp_path, source(free, bases="(Block, compiled=False)"))[0] == []
 

@@ -381,7 +381,7 @@ def test_a_damaged_cache_costs_a_compilation(author, folder, damage):
 def test_what_cannot_be_followed_is_compiled_at_every_run(author, tmp_path, folder):
     author(2.0)
     text = OWN.format(plain="").replace("import consts\n", "import ctypes\n\nlib = ctypes.CDLL(None).cos\n")
-    text = text.replace("consts.SCALE", "(2.0 if lib is None else 3.0)")
+    text = text.replace("consts.SCALE", "(2.0 if lib else 3.0)")
     (tmp_path / "own.py").write_text(text)
     block = library.import_file(tmp_path / "own.py").Scaled.declaration
     made = [block_source(block, block.functions[0], {}) for _ in range(2)]

@@ -16,7 +16,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Compile what a run needs, so that what `cosim run` would refuse is refused; print blocks, wires, order and conditions."""
+    """Compile what a run needs, so that what it would refuse is refused; print blocks, wires, order, conditions."""
     network = load_network(options, code=not options.no_code)
     if not options.no_code:
         simulation.compile_table(table.build(network, network.diagram.run.method))

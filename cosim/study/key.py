@@ -39,6 +39,7 @@ IGNORED: dict[type, set[str]] = {
     | {"per", "parameters", "start", "inputs", "dimensions", "period", "integrator", "inner_steps"}  # in the slave
     | {"dropped", "unfit"},  # what is not there
     Declaration: {"doc", "foreign"}  # words; an FMU is fed by its content
+    | {"home", "mistakes"}  # the class, whose functions are fed; with mistakes nothing runs
     | {"rules"},  # they judge a member before it runs, and one that breaks them has no row
     Dimension: {"description"},
 }
