@@ -209,7 +209,7 @@ def test_interruption_keeps_data_and_leaves_no_process(long_run, isolated, proce
     assert process.returncode == 130 and "Traceback" not in err
     assert not any(lives(pid) for pid in forked)
     with results.open_result(output) as result:
-        assert result.attrs["status"] == "interrupted" and len(result.times) > 10
+        assert result.attrs["status"] == "interrupted" and len(result.times) > 0
 
 
 @pytest.mark.parametrize("isolated", ["false", "true"])

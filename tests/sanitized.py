@@ -1,0 +1,138 @@
+"""Runs a diagram on code that AddressSanitizer watches: python -m tests.sanitized KIND DIAGRAM [SETTING …]
+
+To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is `run`,
+`fmu` (all blocks of the diagram as one FMU, its wrapper watched too, by UBSan as well), or `broken` (a run whose buffers
+claim to have room for a row more than they have, which the sanitizer has to find). Words of the arena that belong to
+nobody may not be touched.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from cosim import compiler, engine, native, run, simulation
+from cosim.fmu import build, export
+
+WORK = Path(os.environ["SANITIZED"])
+os.environ["COSIM_CACHE"] = str(WORK / "cache")  # its code is watched, or none
+SANITIZERS = ["-fsanitize=address", "-fno-omit-frame-pointer"]
+
+
+def watched(ir: str, name: str, symbols: list[str]) -> Path:
+    """Object code of an IR text in which every access to memory is checked."""
+    module = llvm.parse_assembly(re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.M))
+    for value in (*module.functions, *module.global_variables):
+        if not value.is_declaration and value.name not in symbols:
+            value.linkage = "internal"
+    ir = re.sub(r"^(define .*) \{$", r"\1 sanitize_address {", str(module), flags=re.M)
+    name = f"{name}-{hashlib.sha256(ir.encode()).hexdigest()[:16]}"
+    text, code = WORK / f"{name}.ll", WORK / f"{name}.o"
+    if code.exists():
+        return code
+    text.write_text(f'target triple = "x86_64-unknown-linux-gnu"\n{ir}')
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-linux-gnu", "-Wno-override-module"]
+    subprocess.run([*zig, "-c", "-fPIC", "-O1", "-ffp-contract=off", *SANITIZERS, text, "-o", code], check=True)
+    return code
+
+
+class Library:
+    """As `cosim.native.Library`, of a shared library whose path is the code."""
+
+    def __init__(self, code: bytes) -> None:
+        self._library = ctypes.CDLL(code.decode())
+
+    def address(self, symbol: str) -> int:
+        return ctypes.cast(getattr(self._library, symbol), ctypes.c_void_p).value or 0
+
+
+def compile_object(name: str, sources: Any) -> bytes:
+    sources = tuple(sources)
+    code = watched(compiler.compile_ir(name, sources), name, [s.symbol for s in sources])
+    path = code.with_suffix(".so")
+    subprocess.run(["gcc", "-shared", *SANITIZERS, code, "-o", path, "-lm"], check=True)
+    return str(path).encode()
+
+
+def fence(one: simulation.Simulation) -> None:
+    """Forbid to touch what lies between two variables of the arena."""
+    table, owned = one.table, np.zeros(one.arena.size, bool)
+    spans = [(offset, 8 * table.states) for offset in table.vectors.values()]
+    for call in table.calls:
+        slave = table.network.slaves[call.slave]
+        spans.append((call.frame, 8 * (6 + len(slave.axes) + 2 * len(call.arguments))))
+        for place in call.arguments:
+            if place is not None:
+                size = int(np.prod(place.shape)) * place.dtype.itemsize
+                spans += [(place.offset + k * place.stride, size) for k in range(call.count)]
+    for begin, size in spans:
+        owned[begin : begin + -(-size // 8) * 8] = True
+    copies = table.operations[table.operations[:, engine.KIND] == engine.COPY]
+    for row in copies:
+        for begin in (row[engine.A], row[engine.B]):
+            owned[begin : begin + 8 * row[engine.C]] = True
+    for begin, words in (table.published,):
+        owned[begin : begin + 8 * words] = True  # the padding between them is read, and is zero
+    library = ctypes.CDLL(None)
+    for begin, end in _runs(~owned):
+        library.__asan_poison_memory_region(
+            ctypes.c_void_p(one.arena.ctypes.data + begin), ctypes.c_size_t(end - begin)
+        )
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def watch_run(path: str, settings: list[str], broken: bool) -> None:
+    compiler.compile_object = compile_object
+    native.Library = Library  # type: ignore[misc]
+    simulation.BUFFER_BYTES = 2_000
+    one = run.Run(run.load(path, settings))
+    fence(one.simulation)
+    if broken:
+        one.simulation._groups[:, engine.CAPACITY] += 1
+    outcome = one.execute()
+    print(outcome.as_json())
+    assert outcome.status == "completed", outcome.error
+
+
+def watch_fmu(path: str, settings: list[str]) -> None:
+    from tests.fmu.fmu_host import Host
+
+    def of(self: Any, unit: build.Unit, platform: build.Platform) -> bytes:
+        return watched(
+            compiler.compile_ir(unit.name, unit.sources), unit.name, [s.symbol for s in unit.sources]
+        ).read_bytes()
+
+    build.Objects.of = of  # type: ignore[method-assign]
+    build._FLAGS += ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
+    build._link_flags = lambda platform: ["-shared", "-fPIC"]  # the sanitizers' symbols stay open
+    network = run.load(path, settings)
+    for version in ("2.0", "3.0"):
+        file = Path(path).parent / f"watched{version[0]}.fmu"
+        export.export(network, [], file, version)
+        for how in ({}, {"me": True}):
+            host = Host(file, **how)
+            host.initialize()
+            if not how:
+                for k in range(50):
+                    host.step(k * network.diagram.run.step, network.diagram.run.step)
+            state = host.state()
+            host.restore(state)
+            host.free()
+
+
+if __name__ == "__main__":
+    kind, diagram, *given = sys.argv[1:]
+    watch_fmu(diagram, given) if kind == "fmu" else watch_run(diagram, given, kind == "broken")
