@@ -1,7 +1,7 @@
 """Runs a diagram on code that AddressSanitizer watches: python -m tests.sanitized KIND DIAGRAM [SETTING …]
 
-To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is `run`,
-`fmu` (all blocks of the diagram as one FMU, its wrapper watched too, by UBSan as well), or `broken` (a run whose buffers
+To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is
+`run`, `fmu` (all blocks of the diagram as one FMU, its wrapper watched too, by UBSan as well), or `broken` (a run whose buffers
 claim to have room for a row more than they have, which the sanitizer has to find). Words of the arena that belong to
 nobody may not be touched.
 """
