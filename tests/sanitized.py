@@ -1,9 +1,12 @@
 """Runs a diagram on code that AddressSanitizer watches: python -m tests.sanitized KIND DIAGRAM [SETTING …]
 
-To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is
-`run`, `fmu` (all blocks of the diagram as one FMU, its wrapper watched too, by UBSan as well), or `broken` (a run whose buffers
-claim to have room for a row more than they have, which the sanitizer has to find). Words of the arena that belong to
-nobody may not be touched.
+To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is one of
+
+run     a run of the diagram
+fmu     all its blocks as one FMU, whose wrapper is watched too, by UBSan as well
+broken  a run whose buffers claim to have room for a row more than they have, which the sanitizer has to find
+
+Words of the arena that belong to nobody may not be touched.
 """
 
 from __future__ import annotations
