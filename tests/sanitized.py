@@ -1,6 +1,6 @@
 """Runs a diagram on code that AddressSanitizer watches: python -m tests.sanitized KIND DIAGRAM [SETTING …]
 
-To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is one of
+To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is:
 
 run     a run of the diagram
 fmu     all its blocks as one FMU, whose wrapper is watched too, by UBSan as well
