@@ -71,8 +71,9 @@ def has_turn(slave: Slave) -> bool:
 def turns(network: Network, tasks: list[Task]) -> list[Turn]:
     """The turns of one communication step under Gauss-Seidel; tasks: all, in the order of evaluation.
 
-    Before a block steps, what it reads through blocks without a turn is evaluated anew where it depends on the time or
-    on a block that has stepped. Once it has, the same holds for its own outputs. Sampled outputs stay as they are.
+    Before a block steps, what it reads through blocks without a turn is evaluated anew where it depends on a block that
+    has stepped, or on a source, which reads nothing but the time. Once it has, the same holds for its own outputs.
+    Sampled outputs stay as they are.
     """
     ways = _Ways(network, tasks)
     stepped: set[str] = set()
@@ -134,15 +135,17 @@ class _Ways:
         return [Signal(slave.name, name)]
 
     def _origins(self, signals: list[Signal]) -> set[str]:
+        """What signals depend on. Of the time by itself only where on no block: else it moves on with the blocks."""
         found: set[str] = set()
+        timed = False
         for signal in signals:
             if signal.variable == _TIME and _TIME not in self.network.slaves[signal.slave].declaration.variables:
-                found.add(_TIME)
+                timed = True
             elif signal.slave in self.stepping:
                 found.add(signal.slave)
             elif signal in self.writers:
                 found |= self.origins.get(self.writers[signal], set())
-        return found
+        return {_TIME} if timed and not found else found
 
     def before(self, name: str) -> list[Task]:
         """The tasks without a turn that a block reads the results of, and its own joins, in the order of evaluation."""

@@ -12,9 +12,9 @@ jacobi         each block integrates its states with its inputs held at their va
 joint          all states are integrated as one system; sampled outputs are held
 gauss-seidel   the blocks with continuous states take turns, each a block after those that it reads; in a ring, one
                with feedthrough goes as soon as something that it reads has stepped, and else the first without it.
-               A block integrates with its inputs held at the newest values: of t_(k+1) for what has stepped, and for
-               what blocks without states compute of that or of the time, else of t_k. Then its own outputs are computed
-               from the newest values, for t_(k+1).
+               A block integrates with its inputs held at the newest values: of t_(k+1) for what has stepped, for
+               sources (which depend on the time alone), and for what blocks without states compute of such; else of
+               t_k. Then its own outputs are computed from the newest values, for t_(k+1).
 =============  ===================================================================================================
 """
 
@@ -185,16 +185,34 @@ class Oracle:
             self.blocks[name].x = x
 
     def gauss_seidel(self, t: float, later: float) -> None:
-        newest = dict(self.published)  # of blocks with states or samples
-        fixed = [key for key in newest if self.blocks[key[0]].turns or self.blocks[key[0]].sampled]
-        newest = {key: newest[key] for key in fixed}
+        done: set[str] = set()
         for name in self.sequence():
             block = self.blocks[name]
+            newest = self.newest(done)
             inputs = {port: self.input(block, port, later, dict(newest)) for port in block.what.inputs}
             block.x = self.integrated(block, t, inputs)
-            known = {key: value for key, value in newest.items() if key[0] != name}
-            own = {(name, port): self.output(name, port, later, known) for port in block.what.outputs}
-            newest |= own
+            done.add(name)
+            known = {key: value for key, value in self.newest(done).items() if key[0] != name}
+            for port in block.what.outputs:
+                self.published[name, port] = self.output(name, port, later, known)
+
+    def newest(self, done: set[str]) -> dict[tuple[str, str], np.ndarray]:
+        """The outputs that are not to be computed anew, once some blocks have had their turn."""
+        return {key: value for key, value in self.published.items() if not self.is_stale(*key, done)}
+
+    def is_stale(self, name: str, port: str, done: set[str]) -> bool:
+        """Whether an output of a block without turn or samples is of t_k, but not all that it depends on."""
+        block = self.blocks[name]
+        if block.turns or block.sampled:
+            return False
+        reads, timed, _ = block.what.outputs[port]
+        sources = [(source, out) for r in reads for source, out, _ in block.sources[r]]
+        if any(
+            source in done or (out in self.blocks[source].what.outputs and self.is_stale(source, out, done))
+            for source, out in sources
+        ):
+            return True
+        return timed and not self.reached(sources)
 
     def integrated(self, block: Block, t: float, inputs: dict[str, np.ndarray]) -> np.ndarray:
         """A block's states one communication step later, with its inputs held."""
@@ -245,9 +263,14 @@ class Oracle:
 
     def reads(self, name: str) -> set[str]:
         """The blocks with turns whose values reach a block's inputs, at once or through blocks without any."""
+        return self.reached(
+            [(source, port) for wires in self.blocks[name].sources.values() for source, port, _ in wires]
+        )
+
+    def reached(self, waiting: list[tuple[str, str]]) -> set[str]:
+        """The blocks with turns that outputs come from, at once or through blocks without any."""
         found: set[str] = set()
-        waiting = [(source, port) for wires in self.blocks[name].sources.values() for source, port, _ in wires]
-        seen = set()
+        waiting, seen = list(waiting), set()
         while waiting:
             source, port = waiting.pop()
             block = self.blocks[source]
