@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import engine, faults, floating, hosts, interpreted, kernels, memory, supervision
+from cosim import engine, faults, floating, hosts, kernels, memory, supervision
 from cosim.block import State
 from cosim.errors import (
     BlockFailed,
@@ -391,6 +391,8 @@ def _interpreted(
     compiled: it computes as compiled functions do. What it raises is left in the frame, with the text in `texts`, and
     kept in `causes`.
     """
+    from cosim import interpreted  # which takes long to import
+
     arguments = [
         _views(arena, call, compiled, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)
     ]
@@ -413,6 +415,8 @@ def _interpreted(
 
 def _views(arena: np.ndarray, call: Call, compiled: bool, name: str, place: Place | None) -> Any:
     """For each instance, what a function gets for an argument: a number for a read scalar, else an array."""
+    from cosim import interpreted
+
     if place is None:
         return None
     views = [place.view(arena, k) for k in range(call.count)]
