@@ -55,6 +55,7 @@ static double recorded[STEPS / RECORD_EVERY + 1][RECORDED];
 
 /* Figures. */
 static double N_x, N_v, N_w, norm_delta_x, norm_e_x, norm_S, norm_S_hat, min_gap;
+static double highest[N], L_2, dL_2, max_L_2, max_dL_2, least_coverage = INFINITY;
 static double max_N_x, max_N_v, max_N_w, max_delta_x, max_e_x, max_S, smallest_gap = INFINITY;
 static double collided[N][N], unsafe[N]; /* first time; NaN: never */
 
@@ -208,7 +209,8 @@ static double activation(const double *x, const double *v, double centre) { /* (
     return exp(-square / (WIDTH * WIDTH));
 }
 
-static void activations(const double *x, const double *v, double *phi) { /* see blocks/radial_basis.py */
+/* See blocks/radial_basis.py. Returns the largest. */
+static double activations(const double *x, const double *v, double *phi) {
     double middle = 0.0;
     for (int q = 0; q < DIM; q++) middle += x[q] + v[q];
     middle *= 0.5 / DIM;
@@ -225,6 +227,7 @@ static void activations(const double *x, const double *v, double *phi) { /* see 
         double quotient = exp(scale * (-shift - SPACING));
         for (int j = nearest - 1; j >= 0; j--, quotient *= falling) phi[j] = phi[j + 1] * quotient;
     }
+    return phi[nearest];
 }
 
 static void observer(void) { /* outputs of (10) */
@@ -236,7 +239,7 @@ static void observer(void) { /* outputs of (10) */
             s_1[i][q] = copysign(r[q] * r[q], e[q]);
             s_2[i][q] = copysign(r[q], e[q]);
         }
-        activations(x[i], v_hat[i], phi[i]);
+        highest[i] = activations(x[i], v_hat[i], phi[i]);
         for (int q = 0; q < DIM; q++) w_hat[i][q] = 0.0;
         for (int j = 0; j < NEURONS; j++)
             for (int q = 0; q < DIM; q++) w_hat[i][q] += W_hat[i][j][q] * phi[i][j];
@@ -299,6 +302,28 @@ static double sum_of_norms(double estimate[N][DIM], double truth[N][DIM]) {
 
 static inline double larger(double a, double b) { return a > b ? a : b; }
 
+static void topology_rate(void) { /* norms of L_2 and of its derivative */
+    double square = 0.0, square_of_rate = 0.0;
+    for (int i = 0; i < N; i++) {
+        double degree = 0.0, rate_of_degree = 0.0;
+        for (int k = 0; k < count[i]; k++) {
+            int j = neighbours[i][k];
+            double a = weights[i][k];
+            if (a == 1.0) continue;
+            double across = (x[i][0] - x[j][0]) * (v[i][0] - v[j][0]) + (x[i][1] - x[j][1]) * (v[i][1] - v[j][1]);
+            double rate = distance[i][j] > 0.0 ? -ETA_2 * a * (1.0 - a / ETA_1) * across / distance[i][j] : 0.0;
+            degree += a;
+            rate_of_degree += rate;
+            square += a * a;
+            square_of_rate += rate * rate;
+        }
+        square += degree * degree;
+        square_of_rate += rate_of_degree * rate_of_degree;
+    }
+    L_2 = sqrt(square);
+    dL_2 = sqrt(square_of_rate);
+}
+
 static void measure(int k) {
     static double error_v[N][DIM], S[N][DIM];
     N_x = sum_of_norms(x_hat, x);
@@ -314,6 +339,10 @@ static void measure(int k) {
     norm_S = norm(S);
     norm_S_hat = norm(s_hat);
     smallest_gap = min_gap < smallest_gap ? min_gap : smallest_gap;
+    topology_rate();
+    max_L_2 = larger(max_L_2, L_2);
+    max_dL_2 = larger(max_dL_2, dL_2);
+    for (int i = 0; i < N; i++) least_coverage = highest[i] < least_coverage ? highest[i] : least_coverage;
     if (k >= 10000) {
         max_delta_x = larger(max_delta_x, norm_delta_x);
         max_e_x = larger(max_e_x, norm_e_x);
@@ -417,7 +446,8 @@ int main(void) {
     for (int i = 0; i < N; i++)
         for (int j = i + 1; j < N; j++) collisions += !isnan(collided[i][j]);
     printf("{\"seconds\": %.9g, \"N_x\": %.17g, \"N_v\": %.17g, \"N_w\": %.17g, \"delta_x\": %.17g, \"e_x\": %.17g, "
-           "\"S\": %.17g, \"min_gap\": %.17g, \"collisions\": %d}\n",
-           spent, max_N_x, max_N_v, max_N_w, max_delta_x, max_e_x, max_S, smallest_gap, collisions);
+           "\"S\": %.17g, \"min_gap\": %.17g, \"collisions\": %d, \"L_2\": %.17g, \"dL_2\": %.17g, \"coverage\": %.17g}\n",
+           spent, max_N_x, max_N_v, max_N_w, max_delta_x, max_e_x, max_S, smallest_gap, collisions, max_L_2, max_dL_2,
+           least_coverage);
     return 0;
 }

@@ -72,6 +72,7 @@ class Separation(Measure):
             largest = max(largest, radii[i])
         reach = 8.0 * largest
         before = rows_used(listed)
+        collisions.fill(math.nan)
         for k in range(before):
             for q in range(3):
                 collisions[k, q] = listed[k, q]
@@ -97,8 +98,6 @@ class Separation(Measure):
             if smallest <= reach - 2.0 * largest or sees_all(x, reach):
                 break
             reach *= 2.0
-        for k in range(used, collisions.shape[0]):
-            collisions[k, 0], collisions[k, 1], collisions[k, 2] = math.nan, math.nan, math.nan
         min_gap[0] = smallest
         unlisted[0] = without
 

@@ -83,9 +83,10 @@ def run(step: float, base: int, control: int) -> int:
     It returns early, with OK and STEP < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
     c = words_at(control, CONTROL_WORDS)
-    while c[STEP] < c[LAST]:
+    last = min(c[LAST], full_at(c))
+    while c[STEP] < last:
         k = c[STEP]
-        if load(control + STOP * 8) != 0 or not has_room(c, k):
+        if load(control + STOP * 8) != 0:
             return OK
         time = time_at(c, control, k, step)
         status = reach(c, base, k, time)
@@ -100,7 +101,7 @@ def run(step: float, base: int, control: int) -> int:
         c[STEP] = k + 1
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
-    if c[FINAL] != 0 and has_room(c, c[STEP]):
+    if c[FINAL] != 0 and c[STEP] == c[LAST] < full_at(c):
         status = reach(c, base, c[STEP], time_at(c, control, c[STEP], step))
         if status > WARNING:
             return status
@@ -229,17 +230,20 @@ def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, t
     return OK
 
 
-def has_room(c: Any, k: int) -> bool:
-    """Whether every group of probes that is due at step k has room for another row."""
+def full_at(c: Any) -> int:
+    """The first step, from the next one on, at which a group of probes that is due has no room for another row."""
+    k, full = c[STEP], c[LAST] + 1
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
-        if group[FILLED] >= group[CAPACITY] and k % group[GROUP_EVERY] == 0:
-            return False
-    return True
+        every, room = group[GROUP_EVERY], max(0, group[CAPACITY] - group[FILLED])
+        due = (k + every - 1) // every + room
+        if due <= c[LAST] // every:  # else a product that may overflow is none of our business
+            full = min(full, due * every)
+    return full
 
 
 def probe(c: Any, base: int, k: int) -> None:
-    """Copy the probed signals of every group that is due at step k to its buffer, where `has_room` is true."""
+    """Copy the probed signals of every group that is due at step k to its buffer, of which `full_at` says that it has room."""
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every = group[GROUP_EVERY]
