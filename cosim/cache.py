@@ -20,14 +20,19 @@ from pathlib import Path
 _FORMAT = b"cosim object code 1 "
 _FLAGS = sum(getattr(os, name, 0) for name in ("O_BINARY", "O_NOFOLLOW", "O_NONBLOCK"))
 
-#: The files of this package that say what code a function becomes: `compiler` and `adapters`, and what they import.
+#: The files of this package that say what code a function becomes, or that it may become none: `compiler` and
+#: `adapters`, and what they import.
 COMPILING = (
     "adapters",
     "arithmetic",
+    "author_source",
+    "authors",
     "block",
     "bytecode",
     "checks",
     "compiler",
+    "dataflow",
+    "diagnosis",
     "errors",
     "fingerprint",
     "floating",
@@ -35,7 +40,9 @@ COMPILING = (
     "installed",
     "intrinsics",
     "memory",
+    "naming",
     "native",
+    "shared_operations",
 )
 
 

@@ -243,7 +243,7 @@ def full_at(c: Any) -> int:
 
 
 def probe(c: Any, base: int, k: int) -> None:
-    """Copy the probed signals of every group that is due at step k to its buffer, of which `full_at` says that it has room."""
+    """Copy the probed signals of every group that is due at step k to its buffer; `full_at` says that it has room."""
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every = group[GROUP_EVERY]

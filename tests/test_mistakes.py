@@ -281,7 +281,7 @@ def test_without_code_no_python_file_is_run_and_the_rest_is_checked(write, tmp_p
     assert cli.main(["check", str(path), "--no-code"]) == 0
     said = capsys.readouterr().out
     assert "2 blocks, valid as far as can be told without their code" in said
-    assert re.search(r"not checked, as only their code tells what they are: one \(\S*own.py\)", said)
+    assert re.search(r"not checked, as only their code tells what they are:\s+one\s+\(\S*own.py\)", said)
     path = write(good.replace("block: SineWavePath", "block: SineWavePath, parameters: {sped: 1}"))
     code, text = check(path, capsys, "--no-code")
     assert code == 2 and "no parameter `sped`" in text and "it ran" not in text
