@@ -262,7 +262,12 @@ def _record(node: Node, network: Network, run: RunSettings, reader: Reader) -> R
         message = f"`record.signals` must be a list, not {describe(signals)}"
         reader.wrong(signals, message, "such as signals: [plant.x]", WrongType)
         return Record(period, [], place)
-    known = [network.rewired(n, reader.problems) for n in reader.endpoints(signals, "record.signals")]
+    named = reader.endpoints(signals, "record.signals")
+    first: dict[str, Node] = {}
+    for said in named:
+        if first.setdefault(said.value, said) is not said:
+            reader.wrong(said, f"`{said.value}` is recorded twice", "write it once", WrongValue)
+    known = [network.rewired(n, reader.problems) for n in named]
     return Record(period, known, place)
 
 

@@ -45,6 +45,8 @@ _BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
 _UNARY: dict[type[ast.unaryop], Callable[[float], float]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 _LONGEST = 1000
 _DATE = re.compile(r"\d{4}-\d{1,2}-\d{1,2}")
+_GROUPED = re.compile(r"(?<![\w.])\d+(?:_\d+)+")
+_THOUSANDS = re.compile(r"\d{1,3}(_\d{3})+")
 
 Names = Mapping[str, float]
 Evaluator = Callable[[Names], float]
@@ -93,6 +95,10 @@ def _parse(text: str) -> ast.expr:
         raise ExpressionError(f"an expression of {len(text)} characters is too long", fix=f"at most {_LONGEST}")
     if _DATE.fullmatch(text.strip()):
         raise ExpressionError(f"`{text}` is a date, not a number", fix="put spaces around a minus sign")
+    for number in _GROUPED.findall(text):
+        if not _THOUSANDS.fullmatch(number):
+            fix = f"write {number.replace('_', '')} or {number.replace('_', '.', 1)}; `_` may group thousands, as in 1_000"
+            raise ExpressionError(f"`{number}` groups digits as no number does", fix=fix)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

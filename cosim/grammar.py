@@ -167,6 +167,9 @@ class Reader:
         if isinstance(node.value, str):
             block, port = endpoint(node.value)
             if port and _BLOCK_NAME.fullmatch(block):
+                if node.value != f"{block}.{port}":
+                    message = f"`{name}` has spaces around the dot of `{node.value}`"
+                    self.wrong(node, message, f"write {block}.{port}", WrongValue)
                 return True
         fix = "write block.port, such as plant.x"
         self.wrong(node, f"`{name}` must have the form block.port, not {describe(node)}", fix, WrongValue)

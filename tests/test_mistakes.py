@@ -96,6 +96,9 @@ MISTAKES = {
         "nothing called `T`",
         "~",
     ),
+    "digits that are grouped oddly": ("stop: 1,", "stop: 1_0,", 2, "`1_0` groups digits", "10 or 1.0"),
+    "a signal twice": ("[lag.x]", "[lag.x, source.y, lag.x]", 14, "`lag.x` is recorded twice", "once"),
+    "a space before the dot": ("[lag.x]", "[lag .x]", 14, "spaces around the dot of `lag .x`", "lag.x"),
     "joined sources that differ": ("u: source.y", "u: [source.y, oscillator.x]", 10, "joined for input `u` differ", ""),
 }
 
