@@ -97,7 +97,8 @@ def _parse(text: str) -> ast.expr:
         raise ExpressionError(f"`{text}` is a date, not a number", fix="put spaces around a minus sign")
     for number in _GROUPED.findall(text):
         if not _THOUSANDS.fullmatch(number):
-            fix = f"write {number.replace('_', '')} or {number.replace('_', '.', 1)}; `_` may group thousands, as in 1_000"
+            plain, real = number.replace("_", ""), number.replace("_", ".", 1)
+            fix = f"write {plain} or {real}; `_` may group thousands, as in 1_000"
             raise ExpressionError(f"`{number}` groups digits as no number does", fix=fix)
     try:
         with warnings.catch_warnings():
