@@ -17,10 +17,10 @@ from cosim.memory import call, integers_at, load, reals_at, words_at
 # Status of a call and of a run: FMI's, and one more.
 OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
 
-# An operation: kind, three operands, done every so many steps, at the step's begin (0) or end (1), and its block.
-OPERATION_WORDS = 8
+# An operation: kind, three operands, done every so many steps, at the step's begin (0) or end (1).
+OPERATION_WORDS = 6
 OPERATION_BYTES = 8 * OPERATION_WORDS
-KIND, A, B, C, EVERY, AT_END, BLOCK = range(7)
+KIND, A, B, C, EVERY, AT_END = range(OPERATION_WORDS)
 CALL, COPY, INTEGRATE = range(3)  # operands: function, frame | to, from, words | bank
 
 # A bank of states that are integrated together: its part of the state vector, whether stages are written in place,

@@ -24,7 +24,10 @@ def print_network(network: Network) -> None:
     _, warnings = reduced(network)
     valid = "valid as far as can be told without their code" if network.unchecked else "valid"
     say(f"{network.diagram.title or network.diagram.path.name}: {len(network.diagram.blocks)} blocks, {valid}")
-    say(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s\n")
+    say(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s")
+    if run.method != "joint" and _higher_order(network):
+        say("inputs are held over a step: coupling is of first order, whatever the integrators' order")
+    say("")
     for swap in network.swaps:
         say(str(swap))
     if network.swaps:
@@ -38,7 +41,7 @@ def print_network(network: Network) -> None:
         return
     shown = [f"{t.slave}.{t.function}" for t in order.evaluation_order(network) if t.function]
     print_wrapped(f"evaluated in this order: {', '.join(shown)}", 2)
-    findings = [*network.findings, *rules.conditions(network)]
+    findings = rules.conditions(network)
     along = rules.along(network)
     if findings or along:
         say("\nconditions:")
@@ -50,6 +53,11 @@ def print_network(network: Network) -> None:
     sys.stdout.flush()
     broken = [rules.as_warning(network, finding) for finding in findings if finding.holds is False]
     print_warnings([*warnings, *broken])
+
+
+def _higher_order(network: Network) -> bool:
+    """Whether a block that reads others is integrated by a method of an order above one."""
+    return any(s.method != "euler" and s.wires and s.declaration.continuous() for s in network.slaves.values())
 
 
 def _slave_row(network: Network, slave: Slave) -> list[str]:

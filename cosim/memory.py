@@ -1,7 +1,7 @@
 """Raw memory as the loop and the adapters see it: addresses of words, reals and functions.
 
-These are the plain-Python meanings. When a function that uses them is compiled, `cosim.kernels` puts machine
-instructions in their place, so the same source serves the compiled and the interpreted engine.
+These are the plain-Python meanings. When a function that uses them is compiled, `cosim.helpers` puts the machine
+instructions of `cosim.intrinsics` in their place, so the same source serves the compiled and the interpreted engine.
 """
 
 from __future__ import annotations

@@ -126,7 +126,6 @@ class Network:
 
     diagram: Diagram
     slaves: dict[str, Slave]
-    findings: list[Finding] = field(default_factory=list)
     swaps: list[Swap] = field(default_factory=list)
     unchecked: list[str] = field(default_factory=list)
 

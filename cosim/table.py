@@ -224,7 +224,7 @@ class _Builder:
     # ---- operations ----
 
     def _operation(self, kind: int, a: int, b: int = 0, c: int = 0, every: int = 1, at_end: int = 0) -> None:
-        self.operations.append([kind, a, b, c, every, at_end, 0, 0])
+        self.operations.append([kind, a, b, c, every, at_end])
 
     def _range(self, begin: int) -> tuple[int, int]:
         return begin, len(self.operations)

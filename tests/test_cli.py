@@ -181,6 +181,13 @@ def test_check_shows_blocks_wires_and_order(cosim, write):
     assert out.index("source.outputs") < out.index("lag.outputs_mean")
 
 
+@pytest.mark.parametrize(("method", "integrator"), [("jacobi", "euler"), ("jacobi", "rk4"), ("joint", "rk4")])
+def test_check_says_where_an_integrators_order_is_lost(cosim, write, method, integrator):
+    settings = ("--set", f"run.method={method}", "--set", f"run.integrator={integrator}")
+    code, out, _ = cosim("check", write(SMALL), *settings)
+    assert code == 0 and ("coupling is of first order" in out) == ((method, integrator) == ("jacobi", "rk4"))
+
+
 def test_blocks_lists_the_library_and_shows_one(cosim):
     code, out, _ = cosim("blocks")
     assert code == 0 and "NeuralObserver" in out and "OmnidirectionalRobot" in out
