@@ -8,16 +8,17 @@ import types
 from typing import Any
 
 Road = tuple[str, ...]
+Import = tuple[str, int, tuple[str, ...]]
 
 
-def reads(code: types.CodeType) -> tuple[set[Road], set[tuple[str, int]]]:
+def reads(code: types.CodeType) -> tuple[set[Road], set[Import]]:
     """What code reads from its globals, and which modules it imports when it runs; not of the functions inside it.
 
     A road is a global's name with the attributes that are read of it at once, such as ("math", "pi"). An import is the
-    module's name and the number of dots before it.
+    module's name, the number of dots before it, and the names that are taken from it.
     """
     roads: set[Road] = set()
-    imports: set[tuple[str, int]] = set()
+    imports: set[Import] = set()
     road: Road = ()
     before: tuple[Any, Any] = None, None  # the values of the two instructions before, as far as they are constants
     high, data = 0, code.co_code
@@ -41,7 +42,7 @@ def reads(code: types.CodeType) -> tuple[set[Road], set[tuple[str, int]]]:
         elif operation == _NAME:
             road = (code.co_names[argument],)
         elif operation == _IMPORT:
-            imports.add((code.co_names[argument], before[0]))
+            imports.add((code.co_names[argument], before[0], before[1] or ()))
         before = before[1], code.co_consts[argument] if operation == _CONSTANT else argument
     return (roads | {road} if road else roads), imports
 

@@ -20,6 +20,7 @@ import sys
 import types
 import uuid
 from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -204,14 +205,17 @@ class _Walk:
         found, imported = bytecode.reads(code)
         for road in sorted(found):
             self._follow(road, scope)
-        for name, level in sorted(imported):
-            self._import(name, level, scope)
+        for name, level, names in sorted(imported):
+            self._import(name, level, names, scope)
 
     def _follow(self, road: tuple[str, ...], scope: dict[str, Any]) -> None:
         """A dotted name from the globals to the first value that is no module."""
         self._put("road", ".".join(road))
-        value = scope.get(road[0], vars(builtins).get(road[0], _MISSING))
-        for name in road[1:]:
+        self._end(scope.get(road[0], vars(builtins).get(road[0], _MISSING)), road[1:])
+
+    def _end(self, value: Any, names: Iterable[str]) -> None:
+        """What the names lead to from a value, through modules."""
+        for name in names:
             if not isinstance(value, types.ModuleType):
                 break
             module, value = value, _attribute(value, name)
@@ -228,16 +232,31 @@ class _Walk:
         else:
             self.value(value)
 
-    def _import(self, name: str, level: int, scope: dict[str, Any]) -> None:
-        """A module that the function imports when it runs, known if it is imported already."""
+    def _import(self, name: str, level: int, names: tuple[str, ...], scope: dict[str, Any]) -> None:
+        """A module that the function imports when it runs, or what it takes from it."""
         if level:
             parents = str(scope.get("__package__") or "").split(".")
             name = ".".join([*parents[: len(parents) - level + 1], *([name] if name else [])])
-        module = sys.modules.get(name)
-        if module is None:
-            raise _NoEnd(f"`import {name}` in a function")
-        self.value(sys.modules[name.partition(".")[0]])
-        self.value(module)
+        module = self._imported(name)
+        if not names or "*" in names:
+            self.value(sys.modules[name.partition(".")[0]])
+            self.value(module)
+            return
+        for part in names:
+            self._put("import", name, part)
+            if _attribute(module, part) is _MISSING:
+                self.value(self._imported(f"{name}.{part}"))
+            else:
+                self._end(module, (part,))
+
+    def _imported(self, name: str) -> types.ModuleType:
+        """A module that is imported already, or that somebody else maintains."""
+        try:
+            if name not in sys.modules and installed.package(name) != self.home:
+                import_module(name)
+            return sys.modules[name]
+        except Exception:  # whatever a module raises
+            raise _NoEnd(f"`import {name}` in a function") from None
 
     # ---- modules, classes, objects ----
 

@@ -370,7 +370,7 @@ def test_the_roads_of_bytecode_are_those_that_python_shows():
             roads |= {road} if road else set()
             road = (line.argval,) if line.opname in ("LOAD_GLOBAL", "LOAD_NAME") else ()
             if line.opname == "IMPORT_NAME":
-                imports.add((line.argval, lines[k - 2].argval))
+                imports.add((line.argval, lines[k - 2].argval, lines[k - 1].argval or ()))
         return roads | ({road} if road else set()), imports
 
     seen = 0

@@ -31,7 +31,7 @@ from cosim.table import Table
 IGNORED: dict[type, set[str]] = {
     Table: {"network", "arena"},  # walked beside it; the arena is each member's own
     Network: {"swaps"},  # what `cosim check` says
-    Diagram: {"title", "path", "files", "unread", "swaps"}  # names and words
+    Diagram: {"title", "path", "files", "extended", "unread", "swaps"}  # names and words
     | {"blocks", "inputs", "outputs"},  # what they are resolved to is in the slaves
     RunSettings: {"nodes"},  # what YAML says of the other fields
     Slave: {"values"},  # each member's own
