@@ -300,6 +300,8 @@ UNWRITTEN = {
         r"y\[q\] = 0.0",
     ),
     "read first as a whole": (outputs("u, w, y", W, "y += u  #!"), "reads `y` before it is written", ""),
+    "read first to the left": (outputs("u, w, y", W, "y[:] = y * u  #!"), "reads `y` before it is written", ""),
+    "read first to the right": (outputs("u, w, y", W, "y[:] = u * y  #!"), "reads `y` before it is written", ""),
     "read first by a helper": (outputs("u, w, y", W, "add_to(y, 1.0)  #!"), "reads `y` before it is written", ""),
 }
 SHARED = {

@@ -184,6 +184,11 @@ def test_a_variant_may_have_any_other_name(study, name):
             "1:52",
         ),
         (
+            "{diagram: diagram.yaml, random: {count: 1, draws: {blocks.lag.start.x.0.2: {uniform: [0, 1]}}}}",
+            "there is no element 2",
+            "1:52",
+        ),
+        (
             "{diagram: diagram.yaml, random: {count: 1, draws: {blocks.lag.start.z: {normal: [0, 1]}}}}",
             "no state or input to start `z`",
             "1:52",
