@@ -59,7 +59,7 @@ class _Dimensions:
             return None
         if not isinstance(slave.entry.inputs[port].value, list):
             return found[0]
-        rank = max(len(axes) for axes in found if axes is not None)
+        rank = max(1, *(len(axes) for axes in found if axes is not None))
         parts = [axes if len(axes) == rank else (Axis(1), *axes) for axes in found if axes is not None]
         if any(len(axes) != rank or axes[1:] != parts[0][1:] for axes in parts):
             message = f"block {slave.name}: the sources joined for input `{port}` differ in shape"

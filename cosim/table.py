@@ -206,13 +206,15 @@ class _Builder:
         """The place of a wired input: its source's own memory, or new memory where several sources are joined."""
         variable = slave.declaration.variables[port]
         shape = slave.shape(variable)
+        rank = max(len(self.network.shape(source)) for source in slave.wires[port])
         if order.is_joined(slave, port):
-            place = self._store(slave, variable, slave.count)
+            mapped = max(1, rank) == len(shape) + 1  # else all members read all of what is joined
+            place = self._store(slave, variable, slave.count if mapped else 1)
             self._allocate(8)  # copies are of whole words, and the last one may end in the middle of one
         else:
             source = slave.wires[port][0]
             there = self.places[source.whole]
-            mapped = slave.fleet is not None and len(self.network.shape(source)) == len(shape) + 1
+            mapped = slave.fleet is not None and rank == len(shape) + 1
             offset = there.offset + source.first * self._member_bytes(source)
             place = Place(offset, slave.nbytes(variable) if mapped else 0, shape, variable.dtype)
         self.places[Signal(slave.name, port)] = place
