@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -116,12 +117,22 @@ def _findings(network: Network, slave: Slave, rule: Rule, courses: Mapping[str, 
 def _judge(
     slaves: dict[str, Slave], slave: Slave, rule: Rule, member: int, known: Mapping[str, Any]
 ) -> tuple[bool | None, str]:
-    """Whether a rule holds, None where nobody can say, and its numbers. Raises: DeclarationError."""
-    arguments = [_argument(slaves, slave, name, member, known) for name in rule.arguments]
+    """Whether a rule holds, None where nobody can say, and its numbers. Raises: DeclarationError.
+
+    Where several blocks are joined for an input that it names, it holds if it holds for each of them.
+    """
+    choices = [_arguments(slaves, slave, name, member, known) for name in rule.arguments]
+    verdicts = [_verdict(slave, rule, arguments) for arguments in itertools.product(*choices)]
+    return next((v for doubt in (False, None) for v in verdicts if v[0] is doubt), verdicts[0])
+
+
+def _verdict(slave: Slave, rule: Rule, arguments: Iterable[Any]) -> tuple[bool | None, str]:
     try:
         result = rule.function(*arguments)
         holds, numbers = result if isinstance(result, tuple) else (result, "")
         return None if holds is None else bool(holds), str(numbers)
+    except _SeveralSources as several:
+        return None, str(several)
     except Exception as error:
         code = getattr(rule.function, "__code__", None)
         place = f" at {os.path.relpath(code.co_filename)}:{code.co_firstlineno}" if code else ""
@@ -131,18 +142,25 @@ def _judge(
         raise DeclarationError(f"{message}{type(error).__name__}: {error}", slave.entry.position, fix) from error
 
 
-def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> Any:
-    """What a rule's function names. known: what is no value of the diagram, the run's end and its courses."""
+def _arguments(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> list[Any]:
+    """What a rule's function names: for an input, each block that is joined for it.
+
+    known: what is no value of the diagram, the run's end and its courses.
+    """
     if name in slave.axes:
-        return slave.axes[name].size
+        return [slave.axes[name].size]
     if name in known:
-        return known[name]
+        return [known[name]]
     if isinstance(slave.declaration.variables[name], Input):
-        sources = slave.wires.get(name)
-        return _source(slaves, sources[0]) if sources else None
+        return [_source(slaves, source) for source in _first_of_each(slave.wires.get(name, ()))] or [None]
     value = slave.values[name]
     own = value[member if len(value) > 1 else 0]
-    return own.item() if own.shape == () else own
+    return [own.item() if own.shape == () else own]
+
+
+def _first_of_each(sources: Iterable[Signal]) -> list[Signal]:
+    """One signal for each block that is wired to an input."""
+    return list({source.slave: source for source in reversed(list(sources))}.values())[::-1]
 
 
 def _source(slaves: dict[str, Slave], signal: Signal) -> Source:
@@ -152,15 +170,23 @@ def _source(slaves: dict[str, Slave], signal: Signal) -> Source:
     return Source(slave.declaration.name, unmapped, _Sources(slaves, slave), slave.count)
 
 
+class _SeveralSources(Exception):
+    """One block before a block is asked for where there are several."""
+
+
 class _Sources(Mapping[str, Source]):
     """The blocks before a block, found when they are asked for, as wires may run in rings."""
 
     def __init__(self, slaves: dict[str, Slave], slave: Slave) -> None:
         self._slaves = slaves
-        self._wires = {name: sources[0] for name, sources in slave.wires.items() if sources}
+        self._name = slave.name
+        self._wires = {name: _first_of_each(sources) for name, sources in slave.wires.items() if sources}
 
     def __getitem__(self, name: str) -> Source:
-        return _source(self._slaves, self._wires[name])
+        first, *others = self._wires[name]
+        if others:
+            raise _SeveralSources(f"input `{name}` of {self._name} joins several blocks")
+        return _source(self._slaves, first)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._wires)

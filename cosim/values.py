@@ -88,4 +88,6 @@ class Value:
             bounds = np.iinfo(dtype)
             if not bounds.min <= number <= bounds.max:
                 raise WrongValue(f"{number} does not fit {dtype}", self.position, f"{bounds.min} … {bounds.max}")
+        if dtype.kind == "f" and math.isfinite(number) and abs(number) > float(np.finfo(dtype).max):
+            raise WrongValue(f"{number:g} does not fit {dtype}", self.position, f"at most {np.finfo(dtype).max:g}")
         return dtype.type(number)

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from cosim import dimensions, order, rules, sizes, swaps, units
-from cosim.block import Block, Input, Local, Parameter, State, Variable
+from cosim.block import Block, Input, Local, Parameter, State, Unit, Variable
 from cosim.diagram import BlockEntry, Diagram, note_inherited
 from cosim.errors import (
     MissingParameter,
@@ -64,14 +64,24 @@ def revalue(network: Network, values: Mapping[Signal, Value]) -> Network:
         slave.values = {**slave.values, **{k: v for k, v in arrays.items() if v is not None}}
     problems.raise_if_any()
     parametrised = {s.slave for s in values if isinstance(network.variable(s), Parameter)}
-    judged = [
-        slave.name
-        for slave in slaves.values()
-        if slave.name in changed or parametrised & {source.slave for wires in slave.wires.values() for source in wires}
-    ]
-    rules.check(slaves, judged, problems)
+    seen = _after(slaves, parametrised)
+    rules.check(slaves, [name for name in slaves if name in changed or name in seen], problems)
     problems.raise_if_any()
     return replace(network, slaves=slaves)
+
+
+def _after(slaves: Mapping[str, Slave], names: set[str]) -> set[str]:
+    """The named slaves and all that wires lead to from them: a rule may look at any block before its own."""
+    readers: dict[str, set[str]] = {}
+    for slave in slaves.values():
+        for source in (source for wires in slave.wires.values() for source in wires):
+            readers.setdefault(source.slave, set()).add(slave.name)
+    found, todo = set(names), list(names)
+    while todo:
+        new = readers.get(todo.pop(), set()) - found
+        found |= new
+        todo += new
+    return found
 
 
 class _Wiring:
@@ -282,19 +292,49 @@ class _Wiring:
 
     # ---- checks ----
 
+    def _unit_there(self, source: Signal) -> Unit:
+        """The unit of what is taken of a variable: its units are of its first axis, its members perhaps of a fleet's."""
+        there = self.slaves[source.slave]
+        unit = there.declaration.variables[source.variable].unit
+        if not isinstance(unit, tuple) or source.members is None or there.fleet:
+            return unit
+        last = source.members if isinstance(source.members, int) else source.members[1]
+        return unit[source.first : last]
+
+    def _unit_here(self, slave: Slave, port: str, source: Signal, at: int) -> Unit:
+        """The unit of what a source brings of an input, whose first axis several may fill one after the other."""
+        variable, joined = slave.declaration.variables[port], len(slave.wires[port]) > 1
+        there = self.slaves[source.slave]
+        axes = there.signal_axes(there.declaration.variables[source.variable])
+        along = axes is not None and max(1, len(source.axes(axes))) == len(variable.shape)
+        if isinstance(variable.unit, tuple) and joined and along:
+            return variable.unit[at : at + self._length(source)]
+        return variable.unit
+
     def _check_wires(self) -> None:
         for slave in self.slaves.values():
             for port, sources in slave.wires.items():
+                at = 0
                 for source in sources:
                     if source.variable:
-                        self.problems.attempt(self._check_wire, slave, port, source)
+                        self.problems.attempt(self._check_wire, slave, port, source, at)
+                        at += self._length(source)
 
-    def _check_wire(self, slave: Slave, port: str, source: Signal) -> None:
+    def _length(self, source: Signal) -> int:
+        """How many members a source adds to those that are joined before it."""
+        there = self.slaves[source.slave]
+        axes = there.signal_axes(there.declaration.variables[source.variable])
+        left = source.axes(axes) if axes else ()
+        return left[0].size if left else 1
+
+    def _check_wire(self, slave: Slave, port: str, source: Signal, at: int) -> None:
+        """at: how many members are joined before this source."""
         here = slave.declaration.variables[port]
         there = self.slaves[source.slave].declaration.variables[source.variable]
         position = slave.entry.inputs[port].position
-        if not units.same(here.unit, there.unit):
-            message = f"block {slave.name}: input `{port}` is in {_unit(here)}, but {source} is in {_unit(there)}"
+        taken, given = self._unit_here(slave, port, source, at), self._unit_there(source)
+        if not units.same(taken, given):
+            message = f"block {slave.name}: input `{port}` is in {_unit(taken)}, but {source} is in {_unit(given)}"
             raise WrongUnit(message, position, "wire a signal in that unit, or put a gain between")
         if here.dtype != there.dtype:
             message = f"block {slave.name}: input `{port}` is {here.dtype}, but {source} is {there.dtype}"
@@ -436,6 +476,6 @@ def _or_ports(name: str, outputs: set[str]) -> str:
     return f"; its ports are {', '.join(f'{name}.{o}' for o in sorted(outputs))}" if outputs else ""
 
 
-def _unit(variable: Variable) -> str:
-    unit = variable.unit
-    return "(" + ", ".join(unit) + ")" if isinstance(unit, tuple) else str(unit)
+def _unit(unit: Unit) -> str:
+    one = unit[0] if isinstance(unit, tuple) and len(unit) == 1 else unit
+    return "(" + ", ".join(one) + ")" if isinstance(one, tuple) else str(one)
