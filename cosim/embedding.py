@@ -59,11 +59,17 @@ class Network:
         if block not in self.shown:
             return node
         outputs = self.shown[block]
+        port, bracket, rest = port.partition("[")
+        taken = bracket + rest
+        if port in outputs and taken and "[" in str(outputs[port].value):
+            message = f"`{node.value}`: `{port}` is {outputs[port].value}, some members only"
+            problems.add(UnknownPort(message, node.position, "declare an output with the members that are wanted"))
+            return node
         if port not in outputs:
             message = f"block `{block}`: the diagram has no output `{port}`"
             problems.add(UnknownPort(message, node.position, nearest(port, outputs) or "declare it below `outputs:`"))
             return node
-        return replace(node, value=outputs[port].value)
+        return replace(node, value=f"{outputs[port].value}{taken}" if taken else outputs[port].value)
 
 
 def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chain: tuple[str, ...] = ()) -> Network:

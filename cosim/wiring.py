@@ -293,7 +293,7 @@ class _Wiring:
     # ---- checks ----
 
     def _unit_there(self, source: Signal) -> Unit:
-        """The unit of what is taken of a variable: its units are of its first axis, its members perhaps of a fleet's."""
+        """The unit of what is taken of a variable: its units are of its first axis, its members perhaps a fleet's."""
         there = self.slaves[source.slave]
         unit = there.declaration.variables[source.variable].unit
         if not isinstance(unit, tuple) or source.members is None or there.fleet:
