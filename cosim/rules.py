@@ -101,8 +101,8 @@ def _findings(network: Network, slave: Slave, rule: Rule, courses: Mapping[str, 
     verdicts: dict[bool | None, list[tuple[int, str]]] = {}
     for member in range(slave.count):
         known: dict[str, Any] = {name: course[member] for name, course in courses.items()}
-        if "stop" not in slave.declaration.variables:
-            known["stop"] = network.diagram.run.stop
+        settings = {"stop": network.diagram.run.stop, "method": network.diagram.run.method}
+        known |= {name: value for name, value in settings.items() if name not in slave.declaration.variables}
         holds, numbers = _judge(network.slaves, slave, rule, member, known)
         verdicts.setdefault(holds, []).append((member, numbers))
     for holds, members in verdicts.items():
@@ -132,7 +132,7 @@ def _judge(
 
 
 def _argument(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> Any:
-    """What a rule's function names. known: what is no value of the diagram, the run's end and its courses."""
+    """What a rule's function names. known: what is no value of the diagram, the run's settings and its courses."""
     if name in slave.axes:
         return slave.axes[name].size
     if name in known:
