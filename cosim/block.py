@@ -178,8 +178,8 @@ class Rule:
 
     The function may name parameters, dimensions and inputs (which come as the `Source` at the other end of the
     wire), and returns whether the rule holds, or that and a text with its numbers. A condition may also name `stop`,
-    the run's end (s), and what its block computes, which comes as a `Course`: then it is judged after a run. It may
-    return None for "holds": nobody can say.
+    the run's end (s), `method`, the run's, and what its block computes, which comes as a `Course`: then it is judged
+    after a run. It may return None for "holds": nobody can say.
     """
 
     text: str
@@ -242,7 +242,9 @@ class Declaration:
     """All that a block class says of itself.
 
     Foreign blocks have functions of further kinds: ``initial`` (instead of `outputs`, at initialization), ``begin``
-    (its end), ``step`` (from one communication point to the next) and ``events`` (those of the step that ends now).
+    (its end), ``step`` (from one communication point to the next), ``events`` (those of the step that ends now begin,
+    before outputs are evaluated) and ``settle`` (they end, with the inputs of this communication point). They may be
+    `sampled`: what they give changes at communication points only.
 
     home: the class itself. mistakes: all that contradicts itself in the class, except inside its functions.
     """
@@ -256,6 +258,7 @@ class Declaration:
     measuring: bool = False
     compiled: bool = True
     foreign: Foreign | None = None
+    sampled: bool = False
     most_instances: int | None = None
     home: type | None = None
     mistakes: tuple[CosimError, ...] = ()
@@ -348,7 +351,7 @@ def _check_rule(declaration: Declaration, rule: Rule, problems: Problems) -> Non
     """A rule names what is known when it is judged."""
     known = {v.name for v in declaration.of(Parameter, Input)} | {*declaration.dimension_names()}
     if rule.warning:
-        known |= {v.name for v in declaration.of(Output, Local, State)} | {"stop"}
+        known |= {v.name for v in declaration.of(Output, Local, State)} | {"stop", "method"}
     for argument in rule.arguments:
         if argument not in known:
             message = f"block {declaration.name}: the rule `{rule.text}` names `{argument}`"

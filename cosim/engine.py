@@ -67,7 +67,9 @@ CONTROL_WORDS = 32
     PUBLISHED32,  # and float32 numbers
     N_PUBLISHED32,
     STOP,  # whether somebody wants the loop to return before its next step
-) = range(30)
+    AGAIN,  # not 0 if a foreign block has had an event at this communication point, which may change what it publishes
+    AGAIN_BEGIN,  # the operations from here to POINT_END are then done once more
+) = range(32)
 
 ENDED = 2
 LIMIT = 2.0**332
@@ -112,6 +114,9 @@ def run(step: float, base: int, control: int) -> int:
 def reach(c: Any, base: int, k: int, time: float) -> int:
     """Be at the communication point k: evaluate what is published there, and probe it. Returns the status."""
     status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, time)
+    if status <= WARNING and c[AGAIN] != 0:
+        c[AGAIN] = 0
+        status = operate(c, base, c[AGAIN_BEGIN], c[POINT_END], k, time, time)
     if status > WARNING:
         return status
     if not is_sound(c, base):

@@ -34,7 +34,7 @@ class Loop:
 
     step: communication step (s). inner_step: of the integration of its states (s), which asks for derivatives `stages`
     times; joint: with the states of all other blocks. ending: the address of the word that ends the run, see
-    `cosim.engine.ENDING`.
+    `cosim.engine.ENDING`. again: of the word that asks for another evaluation of outputs, see `cosim.engine.AGAIN`.
     """
 
     step: float
@@ -42,6 +42,7 @@ class Loop:
     stages: int
     joint: bool
     ending: int
+    again: int
 
 
 class Trace(Protocol):

@@ -51,7 +51,8 @@ def needed_outputs(slave: Slave) -> list[Function]:
 
 def is_sampled(slave: Slave) -> bool:
     """Whether a slave's outputs change at its sample times only."""
-    return bool(slave.declaration.kind("update")) and not slave.declaration.kind("derivatives")
+    declaration = slave.declaration
+    return declaration.sampled or (bool(declaration.kind("update")) and not declaration.kind("derivatives"))
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class Turn:
 
 def has_turn(slave: Slave) -> bool:
     """Whether a slave advances between two communication points by itself; the others are evaluated when asked."""
-    return bool(slave.declaration.continuous() or slave.declaration.kind("step"))
+    return bool(slave.declaration.continuous() or slave.declaration.kind("step")) and not is_sampled(slave)
 
 
 def turns(network: Network, tasks: list[Task]) -> list[Turn]:

@@ -102,8 +102,8 @@ def _findings(network: Network, slave: Slave, rule: Rule, courses: Mapping[str, 
     verdicts: dict[bool | None, list[tuple[int, str]]] = {}
     for member in range(slave.count):
         known: dict[str, Any] = {name: course[member] for name, course in courses.items()}
-        if "stop" not in slave.declaration.variables:
-            known["stop"] = network.diagram.run.stop
+        settings = {"stop": network.diagram.run.stop, "method": network.diagram.run.method}
+        known |= {name: value for name, value in settings.items() if name not in slave.declaration.variables}
         holds, numbers = _judge(network.slaves, slave, rule, member, known)
         verdicts.setdefault(holds, []).append((member, numbers))
     for holds, members in verdicts.items():
@@ -145,7 +145,7 @@ def _verdict(slave: Slave, rule: Rule, arguments: Iterable[Any]) -> tuple[bool |
 def _arguments(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> list[Any]:
     """What a rule's function names: for an input, each block that is joined for it.
 
-    known: what is no value of the diagram, the run's end and its courses.
+    known: what is no value of the diagram, the run's settings and its courses.
     """
     if name in slave.axes:
         return [slave.axes[name].size]

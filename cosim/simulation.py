@@ -241,6 +241,7 @@ class Simulation:
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.initial
         self._raise(self._have("execute", wanted))
         self.control[engine.POINT_BEGIN], self.control[engine.POINT_END] = self.table.point
+        self.control[engine.AGAIN_BEGIN] = self.table.again
         self.control[engine.BETWEEN_BEGIN], self.control[engine.BETWEEN_END] = self.table.between
         self._initialized = True
 
@@ -260,8 +261,8 @@ class Simulation:
         run = self.table.network.diagram.run
         joint = run.method == "joint"
         method, inner_steps = (run.integrator, run.inner_steps) if joint else (slave.method, slave.inner_steps)
-        ending = self.control.ctypes.data + 8 * engine.ENDING
-        return hosts.Loop(self.step, self.step / inner_steps, {"euler": 1, "rk4": 4}[method], joint, ending)
+        ending, again = (self.control.ctypes.data + 8 * word for word in (engine.ENDING, engine.AGAIN))
+        return hosts.Loop(self.step, self.step / inner_steps, {"euler": 1, "rk4": 4}[method], joint, ending, again)
 
     def close(self) -> None:
         """End all instances of foreign blocks; signals can still be read. Raises: SlaveCrashed, SlaveHung."""

@@ -55,6 +55,7 @@ class Table:
     calls: list[Call]
     initial: tuple[int, int]
     point: tuple[int, int]
+    again: int  # the operation of `point` with which it begins once more after an event
     between: tuple[int, int]
     states: int
     vectors: dict[str, int]  # offsets of X, W, START, SUM, D
@@ -115,7 +116,7 @@ class _Builder:
         self._lay_out()
         evaluation = order.evaluation_order(self.network)
         initial = self._initial(order.initial_order(self.network))
-        point = self._point(evaluation)
+        point, again = self._point(evaluation)
         between = self._between(evaluation)
         arena = private(self.size)
         for offset, data in self.writes:
@@ -128,6 +129,7 @@ class _Builder:
             calls=self.calls,
             initial=initial,
             point=point,
+            again=again,
             between=between,
             states=self.states,
             vectors=self.vectors,
@@ -307,16 +309,22 @@ class _Builder:
             self._copy(to, self.places[source.whole].offset + source.first * self._member_bytes(source), size)
             to += size
 
-    def _point(self, tasks: Iterable[order.Task]) -> tuple[int, int]:
-        """At a communication point: sampled states take their next value, then outputs are evaluated in order."""
+    def _point(self, tasks: Iterable[order.Task]) -> tuple[tuple[int, int], int]:
+        """At a communication point: sampled states take their next value, then outputs are evaluated in order.
+
+        An event of a foreign block sees the inputs of this very point, so it comes last; then, from the second
+        operation returned on, outputs are evaluated once more.
+        """
         begin = len(self.operations)
         for signal, place in self.next.items():
             every = self.network.slaves[signal.slave].every
             self._copy(self.places[signal].offset, place.offset, self._bytes(signal), every)
         self._calls("events")
+        again = len(self.operations)
         for task in tasks:
             self._task(task)
-        return self._range(begin)
+        self._calls("settle")
+        return self._range(begin), again
 
     def _calls(self, kind: str) -> None:
         """The functions of one kind of all slaves."""
@@ -325,17 +333,23 @@ class _Builder:
                 self._call(slave, function)
 
     def _between(self, tasks: list[order.Task]) -> tuple[int, int]:
-        """From one communication point to the next: sampled updates, then the method's integrations."""
+        """From one communication point to the next: sampled updates, then the method's integrations.
+
+        A foreign block that is sampled samples what is published, as an update does, so it waits for no turn.
+        """
+        in_turns = self.method == "gauss-seidel"
         banks = self._joint_bank(tasks) if self.method == "joint" else self._banks()
         hidden = self.method == "jacobi" and any(not self.banks[bank][engine.IN_PLACE] for bank in banks.values())
         begin = len(self.operations)
         for slave in self.network.slaves.values():
             for function in slave.declaration.kind("update"):
                 self._call(slave, function, every=slave.every)
-        if self.method == "gauss-seidel":
+            for function in slave.declaration.kind("step"):
+                if not (in_turns and order.has_turn(slave)):
+                    self._call(slave, function)
+        if in_turns:
             self._one_after_the_other(tasks, banks)
         else:
-            self._calls("step")
             for bank in banks.values():
                 self._operation(engine.INTEGRATE, bank)
         if hidden:

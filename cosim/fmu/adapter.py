@@ -12,7 +12,8 @@ Co-Simulation    never shows an input that was set after the last step
 FMI 3 with       each communication point is an event: inputs are set and outputs got in Event Mode
 event mode
 Model Exchange   time, states and inputs are set, outputs and derivatives are got in Continuous-Time Mode;
-                 events that a step has passed are handled at its end, discrete inputs where they change
+                 events that a step has passed are handled at its end, discrete inputs where they change;
+                at a communication point with an event, outputs are got in Event Mode
 ===============  ========================================================================================
 """
 
@@ -21,9 +22,10 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.fmu.event_mode import enter_event_mode, leave_event_mode, reals_of, settle
-from cosim.fmu.exchange import differentiate, events, prepare, pull_states, watch_indicators
+from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
 from cosim.fmu.layout import (
     ADVANCE,
+    BEGIN_EVENTS,
     BOOLEAN_STATUS,
     CLOCK,
     CO_SIMULATION,
@@ -31,6 +33,7 @@ from cosim.fmu.layout import (
     DIFFERENTIATE,
     DISCARD,
     DO_STEP,
+    END_EVENTS,
     ENDED,
     ENDED_AT,
     ENDING,
@@ -47,7 +50,6 @@ from cosim.fmu.layout import (
     FRAME_WORDS,
     GET,
     HANDLE,
-    HANDLE_EVENTS,
     INFO,
     INFO_REAL,
     INITIAL,
@@ -87,13 +89,14 @@ def adapt(time: float, base: int, frame: int) -> int:
 
     ==============  ====================================================================================
     INITIAL         in Initialization Mode: set inputs, get outputs
-    BEGIN           leave Initialization Mode; Model Exchange: the states go to the state vector
+    BEGIN           leave Initialization Mode; Model Exchange: into Event Mode, the states go to the state vector
     GET             plain Co-Simulation, at a communication point: get outputs
     EXCHANGE        Co-Simulation with event mode, at a communication point: set inputs, get outputs
     ADVANCE         Co-Simulation: set inputs and do a step from `time`
     EVALUATE        Model Exchange: outputs from time, states and inputs
     DIFFERENTIATE   Model Exchange: derivatives from time, states and inputs
-    HANDLE_EVENTS   Model Exchange: handle the events of the step that ends now; they may change states
+    BEGIN_EVENTS    Model Exchange: look for events of the step that ends now, and go into Event Mode for them
+    END_EVENTS      Model Exchange: handle them with the inputs of this point; they may change states
     ==============  ====================================================================================
     """
     link = words_at(words_at(frame, FIRST)[LINK], LINK_WORDS)
@@ -128,8 +131,10 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
         return prepare(time, base, link, plan, f, r, info, k) or get_outputs(base, link, plan, f, r, k)
     if task == DIFFERENTIATE:
         return differentiate(time, base, link, plan, f, r, info, k)
-    if task == HANDLE_EVENTS:
-        return events(time, base, link, plan, f, r, info, k)
+    if task == BEGIN_EVENTS:
+        return begin_events(time, base, link, plan, f, r, info, k)
+    if task == END_EVENTS:
+        return end_events(time, base, link, plan, f, r, info, k)
     if task == EXCHANGE:
         if r[ENDS] != 0:
             return get_outputs(base, link, plan, f, r, k)
@@ -142,7 +147,10 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
 
 
 def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
-    """Leave Initialization Mode, which for Model Exchange and event mode ends in Event Mode."""
+    """Leave Initialization Mode, which for Model Exchange and event mode ends in Event Mode.
+
+    That lasts until the outputs of the first communication point are evaluated.
+    """
     numbers = reals_of(info)
     numbers[CLOCK] = numbers[REACHED] = time
     if bad(link, link[EXIT_INITIALIZATION], (r[HANDLE],)):
@@ -153,9 +161,9 @@ def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r
     r[EVENT_DUE] = 1
     if link[KIND] == EVENT_CO_SIMULATION:
         return False
-    if enter_event_mode(link, r, info) or leave_event_mode(link, r):
+    if set_inputs(base, link, plan, f, r, k) or settle(link, r, info):
         return True
-    return pull_states(base, link, plan, f, r, k) or watch_indicators(link, r)
+    return pull_states(base, link, plan, f, r, k)
 
 
 # ---- Co-Simulation ----

@@ -40,13 +40,17 @@ def reals_of(info: int) -> Any:
 
 def enter_event_mode(link: Any, r: Any, info: int) -> bool:
     """Be in Event Mode, with the events that are due handled."""
-    if r[MODE] != EVENT:
-        if bad(link, link[ENTER_EVENT_MODE], (r[HANDLE],)):
-            return True
-        r[MODE] = EVENT
+    if r[MODE] != EVENT and go_into_event_mode(link, r):
+        return True
     if r[EVENT_DUE] != 0:
         return settle(link, r, info)
     return False
+
+
+def go_into_event_mode(link: Any, r: Any) -> bool:
+    """Be in Event Mode, with nothing handled yet."""
+    r[MODE] = EVENT
+    return bad(link, link[ENTER_EVENT_MODE], (r[HANDLE],))
 
 
 def leave_event_mode(link: Any, r: Any) -> bool:

@@ -5,6 +5,9 @@ step is done here: with the loop's own method exactly to the event, through it, 
 The loop then gets the way over the inner step as its derivatives, and the exact states as soon as it asks again. So
 this works under every method, and what is between two events is integrated as ever.
 
+An event at a communication point sees the inputs of that point. So the FMU is in Event Mode while all outputs are
+evaluated there; then it handles the event, all outputs are evaluated once more, and it leaves Event Mode.
+
 A function here returns whether it failed; the link then says where.
 """
 
@@ -12,8 +15,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.fmu.event_mode import enter_event_mode, leave_event_mode, reals_of, settle
+from cosim.fmu.event_mode import enter_event_mode, go_into_event_mode, leave_event_mode, reals_of, settle
 from cosim.fmu.layout import (
+    AGAIN,
     BUFFER,
     BYTES,
     CHANGED,
@@ -23,6 +27,7 @@ from cosim.fmu.layout import (
     DERIVATIVE_MAP,
     END_STATES,
     ENDS,
+    EVENT,
     EVENT_DUE,
     GET_DERIVATIVES,
     GET_INDICATORS,
@@ -35,6 +40,7 @@ from cosim.fmu.layout import (
     INPUTS,
     LINK,
     LINK_WORDS,
+    MODE,
     MOST_EVENTS,
     N_INPUTS,
     NEXT,
@@ -65,9 +71,14 @@ from cosim.memory import integers_at, reals_at, words_at
 
 
 def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
-    """Set time, states and inputs. Discrete inputs may be set in Event Mode only, and only if they have changed."""
+    """Set time, states and inputs. Discrete inputs may be set in Event Mode only, and only if they have changed.
+
+    Where a communication point lies ahead with a time event at this very time, they wait for it.
+    """
     if r[ENDS] != 0:
         return False
+    if r[MODE] == EVENT:
+        return set_inputs(base, link, plan, f, r, k)
     done = r[SPLIT] != 0 and r[STAGE] != 0  # the inner step whose stages the loop goes through
     if not done and set_time_and_states(time, base, link, plan, f, r, info, k):
         return True
@@ -80,7 +91,7 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
             changed |= differs(at, row[SHADOW] + k * row[BYTES], row[BYTES])
         elif set_value(link, row, address, r[HANDLE], at, k):
             return True
-    if done or not changed:
+    if done or not changed or has_event_before(r, info, time + ROUNDING * number(f, STEP)):
         return False
     r[EVENT_DUE] = 0
     if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
@@ -108,8 +119,8 @@ def differentiate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, 
     return False
 
 
-def events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
-    """Handle what a communication point finds: the FMU's own wish, indicators' signs, time events."""
+def begin_events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Look for what a communication point finds: the FMU's own wish, indicators' signs, time events."""
     numbers = reals_of(info)
     if r[ENDS] != 0 or not time > numbers[REACHED]:
         return False
@@ -120,20 +131,43 @@ def events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: i
         return False
     if watch_indicators(link, r):
         return True
+    if is_due(time, f, r, info):
+        return tell_event(link, r, info)
+    return r[EVENT_DUE] != 0 and go_into_event_mode(link, r)
+
+
+def end_events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """Handle the event of a communication point with all inputs of that point, or leave Event Mode if that is done."""
+    if r[ENDS] != 0 or r[MODE] != EVENT:
+        return False
+    if set_inputs(base, link, plan, f, r, k):
+        return True
+    if r[EVENT_DUE] == 0:
+        return finish_event(base, link, plan, f, r, info, k)
+    words_at(link[AGAIN], 1)[0] = 1
     for _ in range(MOST_EVENTS):
-        due = numbers[NEXT]
-        if r[NEXT_DEFINED] != 0 and due <= time + ROUNDING * number(f, STEP):
-            r[EVENT_DUE] = 1
-            if due > numbers[CLOCK] and tell_time(due, link, r, info):
-                return True
-        if r[EVENT_DUE] == 0:
-            return False
-        r[EVENT_DUE] = 0
-        if enter_event_mode(link, r, info) or finish_event(base, link, plan, f, r, info, k):
+        due = reals_of(info)[NEXT]
+        if settle(link, r, info):
             return True
-        if r[ENDS] != 0 or not numbers[NEXT] > due:
-            return False
+        if r[ENDS] != 0 or not (reals_of(info)[NEXT] > due and is_due(time, f, r, info)):
+            return r[CHANGED] != 0 and pull_states(base, link, plan, f, r, k)
+        if leave_event_mode(link, r) or tell_event(link, r, info):
+            return True
     return give_up(link, CROWDED, 0)
+
+
+def is_due(time: float, f: Any, r: Any, info: int) -> bool:
+    """Whether a communication point has reached the next time event, up to what rounding does to a time."""
+    return r[NEXT_DEFINED] != 0 and reals_of(info)[NEXT] <= time + ROUNDING * number(f, STEP)
+
+
+def tell_event(link: Any, r: Any, info: int) -> bool:
+    """Go into Event Mode at the next time event, which may come a rounding error after the communication point."""
+    numbers = reals_of(info)
+    if numbers[NEXT] > numbers[CLOCK] and tell_time(numbers[NEXT], link, r, info):
+        return True
+    r[EVENT_DUE] = 1
+    return go_into_event_mode(link, r)
 
 
 # ---- time ----

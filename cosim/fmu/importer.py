@@ -5,8 +5,11 @@ What each kind of FMU is to the loop:
 ================================  =====================================================================
 FMI 2 and plain Co-Simulation     outputs without feedthrough, and a `step`
 FMI 3 Co-Simulation, event mode   outputs with the feedthrough that ModelStructure states, and a `step`
-Model Exchange                    states, outputs with feedthrough, `derivatives`, and `events`
+Model Exchange                    states, outputs with feedthrough, `derivatives`, `events` and `settle`
 ================================  =====================================================================
+
+One that computes nothing but discrete variables, in steps of one size, is sampled: its outputs are held between two
+communication points, and its inputs are those of the first.
 
 Outputs that depend on the same inputs are got together, by one function.
 """
@@ -224,11 +227,25 @@ def _declaration(fmu: Fmu, entry: BlockEntry) -> Declaration:
         doc=fmu.description.description or "",
         variables=variables,
         foreign=fmu,
+        sampled=_samples(fmu) and not _computed(fmu, "continuous"),
         most_instances=_most_instances(fmu),
     )
     declaration.functions = _functions(fmu, declaration, states)
     declaration.rules = tuple(_rules(fmu, declaration, entry))
     return declaration
+
+
+def _computed(fmu: Fmu, variability: str) -> list[str]:
+    """What an FMU computes in the course of a run, of one variability."""
+    made = {name: port.first for name, port in fmu.ports.items() if port.causality in ("output", "local")}
+    return [name for name, variable in made.items() if variable.variability == variability]
+
+
+def _samples(fmu: Fmu) -> bool:
+    """Whether an FMU has something sampled in it, as far as its description tells: it needs steps of one size."""
+    stepping = fmu.description.coSimulation
+    fixed = stepping is not None and not stepping.canHandleVariableCommunicationStepSize
+    return fixed and bool(_computed(fmu, "discrete"))
 
 
 def _most_instances(fmu: Fmu) -> int | None:
@@ -279,6 +296,7 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     functions.append(_function("begin", "begin", inputs, states))
     if fmu.kind == layout.MODEL_EXCHANGE:
         functions.append(_function("events", "events", (), states))
+        functions.append(_function("settle", "settle", inputs, states))
         if states:
             derivatives = [f"d_{name}" for name in states]
             reads = (*reads, *inputs)
@@ -314,6 +332,10 @@ def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
         if numbers:
             text = "outputs depend on no input at the same instant"
             yield condition(text, DELAY[fmu.version])(_fails("; ".join(numbers)))
+    if fmu.kind != layout.MODEL_EXCHANGE and _samples(fmu) and not declaration.sampled and list(declaration.of(Input)):
+        seen = f"under gauss-seidel {', '.join(_computed(fmu, 'discrete'))} may see those of its end"
+        text = "what is sampled at the beginning of a step sees the inputs of that time"
+        yield condition(text, "co-simulation")(lambda method: (method != "gauss-seidel", seen))
     held = [f"{v.name} = {v.start}" for v in declaration.of(Input) if v.name not in entry.inputs]
     held = [text for text in held if text.partition(" ")[0] not in entry.start]
     if held:

@@ -254,7 +254,7 @@ class Instances:
         link[layout.SIGNS] = self._array(max(1, indicators)).ctypes.data
         link[layout.WORK] = self._array(2 * states).ctypes.data
         link[layout.STAGES], link[layout.JOINT] = self.loop.stages, self.loop.joint
-        link[layout.ENDING] = self.loop.ending
+        link[layout.ENDING], link[layout.AGAIN] = self.loop.ending, self.loop.again
         link.view(np.float64)[[layout.STEP, layout.INNER_STEP]] = self.loop.step, self.loop.inner_step
         for word, names in _CALLED.items():
             if word in _needed(fmu):
@@ -280,7 +280,7 @@ class Instances:
         inputs = [n for n in function.reads if n in self.fmu.ports and self.fmu.ports[n].causality == "input"]
         states = {name for name, _ in self.fmu.states}
         outputs = [n for n in function.arguments if n in function.writes and n in self.fmu.ports]
-        if function.kind in ("begin", "events"):
+        if function.kind in ("begin", "events", "settle"):
             outputs = []
         if function.name == "outputs_locals":
             outputs = [n for n in outputs if n in self.wanted]
@@ -391,7 +391,8 @@ def _task(kind: str, fmu_kind: int) -> int:
         "begin": layout.BEGIN,
         "step": layout.ADVANCE,
         "derivatives": layout.DIFFERENTIATE,
-        "events": layout.HANDLE_EVENTS,
+        "events": layout.BEGIN_EVENTS,
+        "settle": layout.END_EVENTS,
     }[kind]
 
 

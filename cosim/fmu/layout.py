@@ -54,7 +54,8 @@ LINK_WORDS = 48
     WARNED_AT,  # when, a float64 (s)
     ALONE,  # the address of a word that is 0 in a process that the FMU has forked
     LEAVE,  # the address of _exit()
-) = range(40)
+    AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
+) = range(41)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 
@@ -70,7 +71,7 @@ RECORD_WORDS = 20
     INDICATOR_VALUES,
     CLOCK,  # Model Exchange: the time that the FMU was told last, a float64 (s)
     HANDLED,  # when it was in Event Mode last, a float64 (s)
-    REACHED,  # the communication point whose events are handled, a float64 (s)
+    REACHED,  # the communication point that it has got to, a float64 (s)
     STAGE,  # of the integration, from 0
     SPLIT,  # whether this inner step is done already, across time events
     END_STATES,  # the address of the states at its end
@@ -95,4 +96,4 @@ MOST_EVENTS = 1_000_000  # time events in one step
 ROUNDING = 1e-9  # of a communication step: what rounding may do to a time
 
 # What a call does for each instance.
-INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, HANDLE_EVENTS = range(8)
+INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, BEGIN_EVENTS, END_EVENTS = range(9)

@@ -63,6 +63,33 @@ class Filter(Block):
             d_z[q] = gap[q] / T
 
 
+class Rise(Block):
+    """dx/dt = 1 - x, n = 10000 x as an integer."""
+
+    x = State(output=True)
+    n = Output(dtype=int)
+
+    def outputs(x, n):
+        n[0] = int(1e4 * x)
+
+    def derivatives(x, d_x):
+        d_x[0] = 1.0 - x
+
+
+class Keep(Block):
+    """m⁺ = n; and dx/dt = n / 10000, so that it is no sampled block alone."""
+
+    n = Input(dtype=int)
+    m = State(dtype=int, output=True)
+    x = State(output=True)
+
+    def derivatives(n, d_x):
+        d_x[0] = 1e-4 * n
+
+    def update(n, next_m):
+        next_m[0] = n
+
+
 class Counter(Block):
     """Sampled: counts, and holds what it saw."""
 

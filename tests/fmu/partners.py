@@ -21,6 +21,25 @@ class Source(Block):
         on[0] = n[0] % 2 == 1
 
 
+class Clock(Block):
+    """y = t."""
+
+    y = Output()
+
+    def outputs(time, y):
+        y[0] = time
+
+
+class Double(Block):
+    """y = 2 u."""
+
+    u = Input()
+    y = Output()
+
+    def outputs(u, y):
+        y[0] = 2.0 * u
+
+
 class Lag(Block):
     """The lag of `machine.c`: T dx/dt = u - x, y = 2 u + x."""
 

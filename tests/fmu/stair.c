@@ -1,5 +1,5 @@
 /* A test FMU for FMI 2.0 and 3.0 (-DFMI=2 or 3) whose counter steps from 1 upwards at each multiple of `period`, and
-   ends the simulation at `last`. It handles an event at its own time only, and refuses to be integrated beyond it, as
+   ends the simulation at `last`; `held` is the input of the last one. It handles an event at its own time only, and refuses to be integrated beyond it, as
    the standard lets it. -DSTATES=1 adds a state, dx/dt = counter + u, which each event raises by `jump`. */
 
 #include <float.h>
@@ -22,10 +22,10 @@ typedef fmi3ValueReference Reference;
 #endif
 
 enum { OK, WARNING, DISCARD, ERROR };
-enum { U = 1, X, DX, Y, PERIOD, JUMP, COUNTER, LAST, MIDDLE };
+enum { U = 1, X, DX, Y, PERIOD, JUMP, COUNTER, LAST, MIDDLE, HELD };
 
 typedef struct {
-    double time, u, x, next, period, jump;
+    double time, u, x, next, period, jump, held;
     int counter, last, ended, event_mode;
 } Stair;
 
@@ -34,6 +34,7 @@ static int reached(const Stair *s) { return fabs(s->time - s->next) <= 4 * DBL_E
 static int update(Stair *s) {
     if (!reached(s)) return 0;
     s->counter++;
+    s->held = s->u;
     s->x += s->jump;
     s->next = s->counter * s->period;
     s->ended = s->counter >= s->last;
@@ -60,7 +61,8 @@ static Status set_real(Stair *s, Reference r, double value) {
     return OK;
 }
 static Status get_real(const Stair *s, Reference r, double *value) {
-    const double values[] = {[U] = s->u, [X] = s->x, [DX] = s->counter + s->u, [Y] = s->counter + s->u};
+    const double values[] = {[U] = s->u, [X] = s->x, [DX] = s->counter + s->u, [Y] = s->counter + s->u,
+                             [HELD] = s->held};
     *value = values[r];
     return OK;
 }

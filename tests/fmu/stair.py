@@ -17,6 +17,7 @@ COUNTER = (
     V("u", 1, "Float64", "input", "0"),
     V("y", 4, "Float64", "output", initial="calculated", depends=("u",)),
     V("counter", 7, "Int32", "output", None, "discrete", "calculated"),
+    V("held", 10, "Float64", "output", None, "discrete", "calculated"),
 )
 STATE = (
     V("x", 2, "Float64", "output", "0", initial="exact"),

@@ -13,6 +13,7 @@ import pytest
 from cosim import cli, results, run
 from cosim.run import Run
 from tests.fmu import stair
+from tests.fmu.conftest import PARTNERS
 
 STAIR = """
 run: {{stop: {stop}, step: {step}, method: {method}, integrator: {integrator}, inner_steps: {inner}}}
@@ -73,6 +74,29 @@ def test_time_events_between_points_are_handled(
             assert np.array_equal(got["plant.counter"][:, robot], counted(times, period))
             if states:  # constant between events, so that every method is exact up to rounding
                 assert got["plant.x"][:, robot] == pytest.approx(integral(times, period, 0.25), rel=1e-13, abs=1e-13)
+
+
+SAMPLING = """
+run: {{stop: 4, step: 0.25, method: {method}}}
+blocks:
+  behind: {{type: Double, inputs: {{u: first.held}}}}
+  second: {{fmu: {fmu}, mode: model-exchange, inputs: {{u: first.held}}}}
+  first: {{fmu: {fmu}, mode: model-exchange, inputs: {{u: clock.y}}}}
+  clock: {{type: Clock}}
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
+def test_an_event_sees_the_inputs_of_its_time(stairs, write, trajectories, method, version, engine):
+    """One keeps the time, a block behind it sees that at once; another FMU keeps what there was before the event."""
+    text = SAMPLING.format(method=method, fmu=stairs[version, 1]).replace("type: ", f"python: {PARTNERS}:")
+    got = trajectories(run.load(write(text)), "first.held", "second.held", "behind.y", engine=engine)
+    floor = np.floor(0.25 * np.arange(17))
+    assert np.array_equal(got["first.held"], floor)
+    assert np.array_equal(got["second.held"], np.maximum(floor - 1, 0))
+    assert np.array_equal(got["behind.y"], 2 * floor)
 
 
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
