@@ -243,9 +243,9 @@ def test_a_name_that_contradicts_its_content_is_refused_before_anything_runs(cos
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [([","], "`,` names no block"), (["source", "--member", "3"], "no member 3: source is not of one fleet")],
+    [([","], "`,` names no block"), (["swing", "--member", "3"], "no member 3: swing is not of one fleet")],
 )
 def test_what_an_export_would_not_use_is_refused(cosim, write, words, message):
-    text = SMALL.replace(", per: robot", "") if words[0] == "source" else SMALL
+    text = SMALL.replace("record:", "  swing: {type: Oscillator, parameters: {w: 2}}\nrecord:")
     code, _, err = cosim("export", write(text), *words)
     assert code == 2 and message in err
