@@ -135,7 +135,7 @@ def load(
     except CosimError as error:
         found.add(error)
         raise DiagramErrors(found.errors) from None
-    if "diagram" in tree.value and "blocks" not in tree.value:
+    if is_study(tree):
         message = f"`{path}` is a study, not a diagram"
         place = tree.value["diagram"].place
         raise DiagramErrors([WrongFile(message, place, f"cosim study {path}; its diagram is `{_named(tree, files)}`")])
@@ -145,6 +145,11 @@ def load(
         note_inherited(diagram, found)
         found.raise_if_any()
     return diagram
+
+
+def is_study(tree: Node) -> bool:
+    """Whether a file is a study: it names the diagram that a diagram would be."""
+    return "diagram" in tree.value and "blocks" not in tree.value
 
 
 def _named(tree: Node, files: list[Path]) -> Path:

@@ -42,8 +42,19 @@ def refuse_foreign(path: Path, what: str, ours: Callable[[Path], bool]) -> None:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ResultError(f"cannot write {path}: {reason}", fix="choose another name") from None
     if not mine:
-        fix = "choose another name, or remove it if you mean it"
+        folder = stat.S_ISDIR(found.st_mode)
+        fix = "name a file in that folder" if folder else "choose another name, or remove it if you mean it"
         raise ResultError(f"{path} exists and is not {what}: it is not replaced", fix=fix)
+
+
+def require_ending(path: Path, what: str, *endings: str) -> None:
+    """A file's name says what it holds: what everybody else goes by. Raises: ResultError.
+
+    what: the kind in words. endings: without their dots, the usual one first.
+    """
+    if path.suffix.lower().lstrip(".") not in endings:
+        fix = f"such as {path.with_suffix(f'.{endings[0]}')}"
+        raise ResultError(f"`{path}`: the name of {what} ends in .{' or .'.join(endings)}", fix=fix)
 
 
 def _hidden(path: Path) -> Path:

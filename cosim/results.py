@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import csv
 import errno
+import faulthandler
 import json
 import os
 import platform
 import re
 import shutil
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -43,6 +45,7 @@ CHUNK_ROWS = 1024
 WAITING_BYTES = 32 * 1024**2
 INDEX_BYTES, NODE_BYTES = 256, 8 * 1024  # at most, of HDF5's index: for a chunk, and for a new node
 CLOSING_BYTES = 256 * 1024  # for the attributes written last
+WALK_SECONDS = 5  # of processor time, in which HDF5 finds millions of chunks
 CSV_ROWS = 1024
 CSV_HEAD = 1 << 24  # characters of the first line that are looked at, to tell whose table it is
 FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
@@ -269,17 +272,22 @@ class Result:
         self.path = Path(path)
         if not self.path.is_file():
             raise ResultError(f"{self.path} does not exist or is not a file", fix="run the diagram first")
+        if not _can_be_read(self.path):
+            raise ResultError(f"cannot read {self.path}: it is damaged", fix=FIXES["read"])
         with _as_result_error("read", self.path):
             self._file = h5py.File(self.path, "r", locking=False)
             self.attrs = {key: _read_attribute(key, value) for key, value in self._file.attrs.items()}
             if not _is_result(self._file):
                 raise ResultError(f"{self.path} is no result of a run", fix=FIXES["read"])
-            variables = [v for v in self._file.values() if "signal" in v.attrs]
+            things = list(self._file.values())
+            if any(thing is None for thing in things):  # h5py's word for a link that leads nowhere
+                raise ValueError("it is damaged")
+            variables = [v for v in things if "signal" in v.attrs]
             self._variables = {variable.attrs["signal"]: variable for variable in variables}
             # Killed in the middle of a flush, a writer leaves some variables longer than others.
             self._count = min(len(variable) for variable in [self._file["time"], *variables])
             self.times: Array = self._file["time"][: self._count]
-        self.signals = {name: _read_signal(variable) for name, variable in self._variables.items()}
+            self.signals = {name: _read_signal(variable) for name, variable in self._variables.items()}
 
     def __getitem__(self, name: str) -> Array:
         return self.read(name)
@@ -326,11 +334,57 @@ def is_result(path: Path) -> bool:
     with path.open("rb") as file:
         if file.read(len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
             return False
+    if not _can_be_read(path):
+        return False
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _is_result(file)
     except (OSError, RuntimeError):
         return False
+
+
+def _can_be_read(path: Path) -> bool:
+    """Whether HDF5 gets through the structure of a file: in a damaged one it may go round for ever, or crash.
+
+    It is deaf to all signals but SIGKILL then, so a child looks first. What the child has is processor time: a slow
+    disk does no harm. Errors that HDF5 reports are left to the caller, who meets them again.
+    """
+    if not hasattr(os, "fork"):
+        return True
+    from signal import SIGKILL
+
+    with warnings.catch_warnings():
+        # Python 3.12 warns of other threads' locks; the child uses none but h5py's, which h5py takes over a fork.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        with suppress(BaseException):
+            _walk(path)
+        os._exit(0)
+    try:
+        return not os.WIFSIGNALED(os.waitpid(child, 0)[1])
+    except ChildProcessError:  # whoever started this process has the system forget its children
+        return True
+    except BaseException:
+        os.kill(child, SIGKILL)
+        os.waitpid(child, 0)
+        raise
+
+
+def _walk(path: Path) -> None:
+    """Read all of a file but its samples, in a process that dies of it without a word where there is no end."""
+    import resource
+
+    import h5py
+
+    faulthandler.disable()
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (WALK_SECONDS, WALK_SECONDS))
+    with h5py.File(path, "r", locking=False) as file:
+        for thing in (file, *file.values()):
+            list(thing.attrs.items())
+            if getattr(thing, "chunks", None):
+                thing.id.get_num_chunks()
 
 
 def _is_result(file: Any) -> bool:
@@ -431,7 +485,12 @@ def _write_attributes(file: Any, attributes: Mapping[str, Any]) -> None:
 
 
 def _read_attribute(key: str, value: Any) -> Any:
-    return json.loads(value) if key in JSON_ATTRIBUTES else for_json(value)
+    if key not in JSON_ATTRIBUTES:
+        return for_json(value)
+    found = json.loads(value)
+    if key == "metrics" and not isinstance(found, dict):
+        raise ValueError("its metrics are damaged")
+    return found
 
 
 @contextmanager

@@ -221,3 +221,31 @@ def test_two_processes_may_compile_at_once(write, tmp_path):
     assert [answer["status"] for answer in answers] == ["completed"] * 2
     assert answers[0]["kernels_compiled"] + answers[1]["kernels_compiled"] >= 2
     assert not list((tmp_path / "cache").glob("*.tmp"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["run", "-o", "out.csv"], "`out.csv`: the name of a result ends in .nc\n    fix: such as out.nc"),
+        (["run", "--csv", "x.xlsx"], "`x.xlsx`: the name of a table ends in .csv"),
+        (["report", "-o", "r.pdf"], "`r.pdf`: the name of a report ends in .html or .htm"),
+        (["export", "-o", "x.nc"], "`x.nc`: the name of an FMU ends in .fmu"),
+        (["run", "-o", "."], "name a file in that folder"),
+    ],
+)
+def test_a_name_that_contradicts_its_content_is_refused_before_anything_runs(cosim, write, tmp_path, words, message):
+    path = write(SMALL)
+    before = list(tmp_path.iterdir())
+    code, out, err = cosim(words[0], path, *words[1:])
+    assert code == 2 and out == "" and message in err
+    assert list(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [([","], "`,` names no block"), (["swing", "--member", "3"], "no member 3: swing is not of one fleet")],
+)
+def test_what_an_export_would_not_use_is_refused(cosim, write, words, message):
+    text = SMALL.replace("record:", "  swing: {type: Oscillator, parameters: {w: 2}}\nrecord:")
+    code, _, err = cosim("export", write(text), *words)
+    assert code == 2 and message in err

@@ -2,6 +2,7 @@
 
 import json
 
+import h5py
 import numpy as np
 import pytest
 
@@ -140,3 +141,11 @@ def test_of_several_signals_the_largest_difference_and_the_first_time_are_told(r
     found = compare(result("a.nc", TIMES, X), result("b.nc", TIMES, x, y=y))
     assert (found.beyond.signal, found.beyond.time) == ("b.y", TIMES[2])
     assert found.largest[0] == "b.x"
+
+
+def test_metrics_that_are_no_mapping_are_told_in_words(result, capsys):
+    path = result("a.nc", TIMES, X)
+    with h5py.File(path, "r+") as file:
+        file.attrs["metrics"] = "[1, 2]"
+    assert main(["compare", str(path), str(result("b.nc", TIMES, X))]) == 2
+    assert f"cannot read {path}: its metrics are damaged" in capsys.readouterr().err

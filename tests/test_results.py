@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from textwrap import dedent
 
 import h5py
@@ -16,7 +17,16 @@ import pytest
 import xarray
 
 from cosim.errors import ResultError
-from cosim.results import CLOSING_BYTES, ResultWriter, Signal, open_result, previous_path, read_metrics, write_csv
+from cosim.results import (
+    CLOSING_BYTES,
+    ResultWriter,
+    Signal,
+    is_result,
+    open_result,
+    previous_path,
+    read_metrics,
+    write_csv,
+)
 
 SIGNALS = [
     Signal("plant.x", (6, 3), float, "robot", ("m", "m", "rad"), "position and heading", "output"),
@@ -411,3 +421,35 @@ def test_recording_costs_little_more_than_the_bytes(tmp_path):
         work()
         taken.setdefault(work, []).append(time.process_time() - began)
     assert min(taken[ours]) < 15 * min(taken[plain])
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a child that looks first")
+def test_a_damaged_file_in_which_hdf5_has_no_end_is_refused(tmp_path, monkeypatch):
+    """In these bytes, among others, HDF5 goes round for ever; in a process of its own, as only SIGKILL ends it."""
+    monkeypatch.setattr("cosim.results.WALK_SECONDS", 1)
+    path = write(tmp_path / "run.nc")
+    whole, ends = path.read_bytes(), Counter()
+    for at in range(0, 12_000, 1500):
+        path.write_bytes(whole[:at] + bytes(3000) + whole[at + 3000 :])
+        child = os.fork()
+        if child == 0:
+            code = 2
+            try:
+                is_result(path)
+                with open_result(path) as result:
+                    for name in result.signals:
+                        result.read(name)
+                code = 0
+            except ResultError:
+                code = 1
+            finally:
+                os._exit(code)
+        limit = time.monotonic() + 20
+        while (found := os.waitpid(child, os.WNOHANG))[0] == 0:
+            if time.monotonic() > limit:
+                os.kill(child, signal.SIGKILL)
+            time.sleep(0.01)
+        ends[os.waitstatus_to_exitcode(found[1])] += 1
+    assert set(ends) <= {0, 1} and ends[1]
+    path.write_bytes(whole)
+    check_samples(path, 2500)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from cosim import files
 from cosim.commands.options import diagram_arguments, load_network
+from cosim.errors import UnknownBlock
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,10 +22,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the FMU and say what is in it."""
-    from cosim.fmu.export import export
+    from cosim.fmu.export import export, refuse_foreign
 
     blocks = [name for name in options.blocks.split(",") if name]
+    if options.blocks and not blocks:
+        raise UnknownBlock(
+            f"`{options.blocks}` names no block", fix="names joined by commas, or nothing for all blocks"
+        )
     output = options.output or Path(f"{'_'.join(blocks) or options.diagram.stem}.fmu")
+    refuse_foreign(output)
+    files.require_ending(output, "an FMU", "fmu")
     platforms = options.platform.split(",") if options.platform else None
     path = export(load_network(options), blocks, output, options.fmi, platforms, options.member)
     print(f"wrote {path} ({path.stat().st_size / 1024:.0f} kB, FMI {options.fmi})")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from cosim.errors import PlotError
 from cosim.plot import animation, figures
 from cosim.plot.animation import PORTS, Motion
 from cosim.results import open_result
@@ -24,6 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw what the options say."""
     first: Path = options.results[0]
+    _refuse_unused(options)
     if options.animate:
         output = options.output or first.with_suffix(".gif")
         with open_result(first) as result:
@@ -34,6 +36,20 @@ def run(options: argparse.Namespace) -> int:
         print(", ".join(figures.plot(options.results, _names(options.signals), output)))
     print(f"drawn in {output}")
     return 0
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """What the picture that is wanted would not show was asked for by mistake. Raises: PlotError."""
+    parts = [f"--{part}" for part in PORTS if getattr(options, part) is not None]
+    if parts and not options.animate:
+        raise PlotError(f"{parts[0]} is a part of an animation", fix="add --animate, or choose lines by --signals")
+    if options.animate and options.signals:
+        raise PlotError("--signals chooses lines, and an animation has none", fix="choose its parts: --positions a.b")
+    if options.animate and len(options.results) > 1:
+        message = f"an animation shows one run, not {len(options.results)}"
+        raise PlotError(message, fix=f"animate {options.results[0]} alone")
+    if options.signals and not _names(options.signals):
+        raise PlotError(f"`{options.signals}` names no signal", fix="names joined by commas, such as plant.x,plant.v")
 
 
 def _names(text: str) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from cosim import files
 from cosim.commands.study import study_arguments
 from cosim.plot.style import FORMATS
 from cosim.report import document
@@ -25,6 +26,7 @@ def run(options: argparse.Namespace) -> int:
         options.output or options.results / (options.study[0].stem if len(options.study) == 1 else "") / "report.html"
     )
     document.refuse_foreign(output)
+    files.require_ending(output, "a report", "html", "htm")
     command.check_folders(options.study)
     studies = [command.run(path, options) for path in options.study]
     document.write(output, studies, options.pictures)

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cosim import results, terminal
+from cosim import files, results, terminal
 from cosim.commands.options import diagram_arguments, load_network
 from cosim.errors import CosimError
 from cosim.exits import BY_SIGNAL, DONE, STOPPED
@@ -29,8 +29,10 @@ def run(options: argparse.Namespace) -> int:
     network = load_network(options)
     output = options.output or Path("results") / f"{options.diagram.stem}.nc"
     results.refuse_foreign(output)
+    files.require_ending(output, "a result", "nc")
     if options.csv:
         results.refuse_foreign_csv(options.csv)
+        files.require_ending(options.csv, "a table", "csv")
     previous = results.read_metrics(output) if output.exists() and output.stat().st_size else None
     run = Run(network, options.engine, output, options.began)
     with terminal.Progress(network.diagram.run.stop) as progress:

@@ -35,6 +35,11 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
     if fleet and not 1 <= member <= network.diagram.fleets[fleet]:
         message = f"there is no {fleet} {member} in a fleet of {network.diagram.fleets[fleet]}"
         raise WrongValue(message, fix=f"choose --member 1 … {network.diagram.fleets[fleet]}")
+    if not fleet and member != 1:
+        message = (
+            f"there is no member {member}: {', '.join(names)} {'is' if len(names) == 1 else 'are'} not of one fleet"
+        )
+        raise WrongValue(message, fix="leave out --member")
     opened = _opened(network, names, single=fleet is not None)
     slaves: dict[str, Slave] = {}
     started: dict[Signal, bool] = {}

@@ -18,8 +18,7 @@ import numpy as np
 from cosim.errors import PlotError
 from cosim.grammar import endpoint
 from cosim.plot import style
-from cosim.plot.plane import Body, bodies
-from cosim.plot.signals import read
+from cosim.plot.plane import Body, bodies, read_beside, read_positions
 from cosim.results import Result
 
 FORMATS = ("gif", "html")
@@ -158,23 +157,33 @@ def _page(pictures: list[Any], pause: int, title: str) -> str:
     return page.substitute(title=escape(title), frames=json.dumps(frames), last=len(frames) - 1, pause=pause)
 
 
+def _edges_of(
+    motion: Motion, neighbours: np.ndarray | None, weights: np.ndarray | None, count: int
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Both, if they fit each other and so many bodies. Raises: PlotError."""
+    if neighbours is not None and (neighbours.dtype.kind not in "iu" or neighbours.max(initial=-1) >= count):
+        message = f"`{motion.neighbours}` has no numbers of {count} bodies"
+        raise PlotError(message, fix=f"name a signal of whole numbers from 0 to {count - 1}, and -1 for none")
+    if neighbours is not None and weights is not None and weights.shape != neighbours.shape:
+        message = f"`{motion.weights}` has the shape {weights.shape[1:]}, and `{motion.neighbours}` has"
+        raise PlotError(f"{message} {neighbours.shape[1:]}", fix="name a weight for each neighbour")
+    return neighbours, weights
+
+
 class _Scene:
     """All that is drawn of a run, frame by frame."""
 
     def __init__(self, result: Result, motion: Motion) -> None:
-        _, x = read(result, motion.positions or "")
-        if x.ndim != 3 or x.shape[2] < 2:
-            message = f"`{motion.positions}` is no list of positions"
-            raise PlotError(message, fix="name a signal of shape (bodies, 2 or more)")
-        if not len(x):
-            raise PlotError(f"{result.path} has no samples", fix="run the diagram again")
+        x = read_positions(result, motion.positions or "")
+        parts = {
+            part: read_beside(result, part, getattr(motion, part), x.shape[1]) for part in PORTS if part != "positions"
+        }
         self.times = result.times
         self.x = x
         self.outer = motion.outer
-        self.references = self._optional(result, motion.references)
-        self.neighbours = self._optional(result, motion.neighbours)
-        self.weights = self._optional(result, motion.weights)
-        radii = self._optional(result, motion.radii)
+        self.references = parts["references"]
+        self.neighbours, self.weights = _edges_of(motion, parts["neighbours"], parts["weights"], x.shape[1])
+        radii = parts["radii"]
         self.radii = np.zeros(x.shape[1]) if radii is None else radii[0]
         self.trails: list[Any] = []
         self.ranges: list[Any] = []
@@ -185,9 +194,6 @@ class _Scene:
         self.low = np.nanmin(x[:, :, :2], axis=(0, 1)) - margin
         self.high = np.nanmax(x[:, :, :2], axis=(0, 1)) + margin
         self.points = 0.93 * 72 * style.WIDTH / (self.high[0] - self.low[0])  # of print for a unit of length, about
-
-    def _optional(self, result: Result, name: str | None) -> np.ndarray | None:
-        return read(result, name)[1] if name else None
 
     def size(self) -> tuple[float, float]:
         """Inches; as wide as a page, as high as the bodies' way needs."""

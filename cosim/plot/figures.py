@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim import grammar, source
-from cosim.errors import PlotError, Position, Problems, WrongType
+from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
 from cosim.grammar import Reader
 from cosim.plot import lines, plane, style
 from cosim.plot.distribution import Distribution
@@ -18,14 +18,19 @@ from cosim.plot.plane import Plane
 from cosim.results import Result
 from cosim.source import Node, describe
 
-KINDS = ("lines", "plane", "distribution")
+HEIGHTS = 0.5, 20.0
+"""Inches of one panel: below, its labels do not fit; beyond, it fits no screen and no page."""
 MOST_CHANNELS = 6
 """A signal of more channels is no vector in space, and is drawn in one panel."""
 _VALUE: dict[str, Any] = {}
-_FIGURE = dict.fromkeys(
-    ("kind", "caption", "members", "columns", "height", "panels", "positions", "references", "radii", "at"), _VALUE
-)
-_FIGURE |= {**dict.fromkeys(("metric", "label", "limits"), _VALUE), "thresholds": {grammar.ANY: _VALUE}}
+_KEYS = {
+    "lines": ("members", "columns", "height", "panels"),
+    "plane": ("members", "positions", "references", "radii", "at"),
+    "distribution": ("metric", "label", "limits", "thresholds"),
+}
+"""What each kind of figure takes, beside what all take."""
+_FIGURE = dict.fromkeys(("kind", "caption", *(key for keys in _KEYS.values() for key in keys)), _VALUE)
+_FIGURE |= {"thresholds": {grammar.ANY: _VALUE}}
 _PANEL: dict[str, Any] = {
     **dict.fromkeys(("signals", "label", "title", "over", "over_label", "names", "log", "derivative"), _VALUE),
     **dict.fromkeys(("limits", "span"), _VALUE),
@@ -86,18 +91,23 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
     if "caption" in entries:
         figure.caption = reader.text(entries["caption"], f"{where}.caption")
     figure.members = _texts(entries.get("members"), f"{where}.members", reader)
-    if "columns" in entries:
-        figure.columns = reader.count(entries["columns"], f"{where}.columns")
+    kind = reader.choice(entries["kind"], f"{where}.kind", _KEYS) if "kind" in entries else next(iter(_KEYS))
+    _refuse_foreign(entries, kind, where, reader)
     if "height" in entries:
-        figure.height = reader.positive(entries["height"], f"{where}.height")
-    kind = reader.choice(entries["kind"], f"{where}.kind", KINDS) if "kind" in entries else KINDS[0]
+        figure.height = _height(entries["height"], f"{where}.height", reader)
     if kind == "plane":
         texts = {
             k: reader.text(entries[k], f"{where}.{k}") for k in ("positions", "references", "radii") if k in entries
         }
         if not texts.get("positions"):
             reader.missing(node, f"`{where}` has no `positions`", "write positions: plant.x")
-        figure.plane = Plane(at=_numbers(entries.get("at"), f"{where}.at", reader), **{"positions": "", **texts})
+        at = _numbers(entries.get("at"), f"{where}.at", reader)
+        if "at" in entries and entries["at"].value == []:
+            reader.wrong(entries["at"], f"`{where}.at` is empty", "name times, such as [0, 10]", WrongValue)
+        if len(figure.members) > 1:
+            message = f"`{where}` shows bodies of one run, not of {len(figure.members)}"
+            reader.wrong(entries["members"], message, f"write members: {figure.members[0]}", WrongValue)
+        figure.plane = Plane(at=at, places=_places(entries), **{"positions": "", **texts})
         return figure
     if kind == "distribution":
         if "metric" not in entries:
@@ -109,14 +119,42 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
         reader.wrong(node, f"`{where}` has no panels", "write panels: [{signals: [plant.x]}]", WrongType)
         return figure
     figure.panels = [_panel(f"{where}.panels[{k}]", panel, reader) for k, panel in enumerate(panels)]
+    if "columns" in entries:
+        figure.columns = reader.count(entries["columns"], f"{where}.columns")
+        if figure.columns > len(panels):
+            message = f"`{where}` has {figure.columns} columns for {len(panels)} panel{'s' if len(panels) > 1 else ''}"
+            reader.wrong(entries["columns"], message, f"at most {len(panels)}", WrongValue)
     return figure
+
+
+def _refuse_foreign(entries: Mapping[str, Node], kind: str, where: str, reader: Reader) -> None:
+    """Report what only figures of another kind take."""
+    for key in entries:
+        if key in ("kind", "caption", *_KEYS[kind]):
+            continue
+        other = next(name for name, keys in _KEYS.items() if key in keys)
+        in_panel = kind == "lines" and key in _PANEL
+        fix = f"write it in a panel: panels: [{{{key}: …}}]" if in_panel else f"it goes with `kind: {other}`"
+        message = f"`{where}` has no key `{key}`, as its kind is {kind}"
+        reader.problems.add(UnknownKey(message, entries[key].place, fix))
+
+
+def _height(node: Node, where: str, reader: Reader) -> float:
+    value, (least, most) = reader.positive(node, where), HEIGHTS
+    if not least <= value <= most:
+        message = f"`{where}` cannot be {value:g} inches"
+        reader.wrong(node, message, f"{least:g} to {most:g}, for one panel", WrongValue)
+    return value
+
+
+def _places(entries: Mapping[str, Node]) -> dict[str, Position]:
+    return {key: node.position for key, node in entries.items()}
 
 
 def _distribution(entries: dict[str, Node], where: str, reader: Reader) -> Distribution:
     metric, label = (reader.text(entries[k], f"{where}.{k}") if k in entries else "" for k in ("metric", "label"))
     found = Distribution(metric, label)
-    pair = _numbers(entries.get("limits"), f"{where}.limits", reader)
-    found.limits = (pair[0], pair[1]) if len(pair) == 2 else None
+    found.limits = _range(entries.get("limits"), f"{where}.limits", reader)
     found.thresholds = _thresholds(entries, where, reader)
     return found
 
@@ -139,10 +177,15 @@ def _panel(where: str, node: Node, reader: Reader) -> Panel:
             setattr(panel, key, reader.truth(entries[key], f"{where}.{key}"))
     panel.names = _texts(entries.get("names"), f"{where}.names", reader)
     for key in ("limits", "span"):
-        pair = _numbers(entries.get(key), f"{where}.{key}", reader)
-        if len(pair) == 2:
-            setattr(panel, key, tuple(pair))
+        setattr(panel, key, _range(entries.get(key), f"{where}.{key}", reader))
     panel.thresholds = _thresholds(entries, where, reader)
+    panel.places = _places(entries)
+    if panel.over_label and not panel.over:
+        message = f"`{where}` has a label for what it is drawn over, which is not said"
+        reader.wrong(entries["over_label"], message, "write over: plant.x, or remove `over_label`", WrongValue)
+    if panel.log and panel.limits and panel.limits[0] <= 0:
+        message = f"`{where}`: a logarithmic axis does not reach {panel.limits[0]:g}"
+        reader.wrong(entries["limits"], message, "begin above zero, or remove `log: true`", WrongValue)
     return panel
 
 
@@ -158,6 +201,22 @@ def _numbers(node: Node | None, where: str, reader: Reader) -> list[float]:
         reader.wrong(node, f"`{where}` takes a list of numbers, not {describe(node)}", "such as [0, 10]")
         return []
     return [reader.number(item, where) for item in node.value]
+
+
+def _range(node: Node | None, where: str, reader: Reader) -> tuple[float, float] | None:
+    """The two ends of an axis, the lower one first."""
+    before = len(reader.problems.errors)
+    pair = _numbers(node, where, reader)
+    if node is None or len(reader.problems.errors) > before:
+        return None
+    if len(pair) != 2:
+        reader.wrong(node, f"`{where}` takes two numbers, not {describe(node)}", "such as [0, 10]", WrongValue)
+        return None
+    if not pair[0] < pair[1]:
+        message = f"`{where}`: from {pair[0]:g} to {pair[1]:g} there is nothing"
+        reader.wrong(node, message, "write the lower end first, and then a higher one", WrongValue)
+        return None
+    return pair[0], pair[1]
 
 
 def default_signals(result: Result) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.errors import PlotError, Position
 from cosim.plot import style
 from cosim.plot.signals import Curve, curves
 from cosim.results import Result
@@ -24,7 +25,8 @@ LISTED = 24
 class Panel:
     """One pair of axes. signals: names as of `cosim.plot.signals`; over: the signal on the horizontal axis, else time.
 
-    derivative: draw d signal / d over instead. thresholds: horizontal lines with their names.
+    derivative: draw d signal / d over instead. thresholds: horizontal lines with their names. places: where each of
+    these is written, by its name.
     """
 
     signals: Sequence[str]
@@ -38,6 +40,7 @@ class Panel:
     limits: tuple[float, float] | None = None
     span: tuple[float, float] | None = None
     thresholds: Mapping[str, float] = field(default_factory=dict)
+    places: Mapping[str, Position] = field(default_factory=dict)
 
 
 def draw(runs: Mapping[str, Result], panels: Sequence[Panel], columns: int = 1, height: float = 1.75) -> Any:
@@ -80,6 +83,7 @@ def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
     from matplotlib.ticker import NullFormatter
 
     found = [(run, curve) for run, result in runs.items() for curve in _curves(result, panel)]
+    _refuse_unused(panel, runs, [curve for _, curve in found])
     many = len(found) > NAMED
     names = _names(runs, panel, [curve for _, curve in found])
     each = max(len(found) // max(len(runs), 1), 1)
@@ -94,7 +98,8 @@ def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
             ha="right", va="bottom", fontsize=7, color="#505050",
         )  # fmt: skip
     values = [curve.values for _, curve in found]
-    if panel.log if panel.log is not None else _is_wide(values):
+    reaches_zero = panel.limits is not None and panel.limits[0] <= 0
+    if panel.log if panel.log is not None else _is_wide(values) and not reaches_zero:
         axis.set_yscale("log", nonpositive="mask")
         axis.yaxis.set_minor_formatter(NullFormatter())
         _limit_decades(axis, values)
@@ -114,18 +119,37 @@ def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
 
 def _curves(result: Result, panel: Panel) -> list[Curve]:
     found = [curve for text in panel.signals for curve in curves(result, text)]
-    if not panel.over:
-        return found
-    (over,) = curves(result, panel.over)
-    return [
-        Curve(c.label, over.values, _slope(over.values, c.values) if panel.derivative else c.values, c.unit)
-        for c in found
-    ]
+    x = result.times
+    if panel.over:
+        over = curves(result, panel.over)
+        if len(over) != 1:
+            message = f"`{panel.over}` has {len(over)} elements, and lines are drawn over one"
+            raise PlotError(message, panel.places.get("over"), fix=f"choose one, such as {over[0].label}")
+        x = over[0].values
+    return [Curve(c.label, x, _slope(x, c.values) if panel.derivative else c.values, c.unit) for c in found]
+
+
+def _refuse_unused(panel: Panel, runs: Mapping[str, Result], found: Sequence[Curve]) -> None:
+    """Raises: PlotError for names without a line, and for a span without a sample."""
+    each = len(found) // max(len(runs), 1)
+    if len(panel.names) > each:
+        message = f"there are {len(panel.names)} names for {each} line{'s' if each != 1 else ''}"
+        raise PlotError(message, panel.places.get("names"), fix="one name for each line, in the order of the signals")
+    every = np.concatenate([curve.times for curve in found]) if found else np.zeros(0)
+    every = every[np.isfinite(every)]
+    if panel.span and panel.over and every.size and not (panel.span[0] < every.max() and every.min() < panel.span[1]):
+        message = f"`{panel.over}` is never from {panel.span[0]:g} to {panel.span[1]:g}"
+        fix = f"it is from {every.min():g} to {every.max():g}"
+        raise PlotError(message, panel.places.get("span"), fix)
 
 
 def _slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """dy/dx; a jump of y between two samples is left out, as NaN."""
-    slope = np.gradient(y, x)
+    """dy/dx; NaN at a jump of y between two samples, which is left out, and where x stands still."""
+    if len(x) < 2:
+        return np.full(len(x), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.gradient(y, x)
+    slope[~np.isfinite(slope)] = np.nan
     steps = np.abs(np.diff(y))
     beside = np.maximum(np.concatenate(([np.inf], steps[:-1])), np.concatenate((steps[1:], [np.inf])))
     jumps = np.flatnonzero((steps > 5 * beside) & (steps > 1e-3 * np.ptp(y)))

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from cosim.errors import PlotError
+from cosim.errors import PlotError, Position
 from cosim.plot import style
 from cosim.plot.signals import read
 from cosim.results import Result
+
+_BESIDE = {"references": (2, 2), "radii": (1, 0), "neighbours": (2, 1), "weights": (2, 1)}
+"""What goes with bodies: how many axes it has, and how many elements along the second one at least."""
 
 
 @dataclass
 class Plane:
     """positions, references: signals (bodies, at least 2). radii: a signal (bodies,), in the unit of positions.
 
-    at: times (s) at which bodies are drawn.
+    at: times (s) at which bodies are drawn. places: where each of these is written, by its name.
     """
 
     positions: str
@@ -28,6 +31,32 @@ class Plane:
     at: Sequence[float] = ()
     title: str = ""
     unit: str = "m"
+    places: Mapping[str, Position] = field(default_factory=dict)
+
+
+def read_positions(result: Result, name: str, place: Position | None = None) -> np.ndarray:
+    """Where bodies are (k, bodies, at least 2). Raises: PlotError, ResultError."""
+    _, x = read(result, name)
+    if x.ndim != 3 or x.shape[2] < 2:
+        raise PlotError(f"`{name}` is no list of positions", place, fix="name a signal of shape (bodies, 2 or more)")
+    if not len(x):
+        raise PlotError(f"{result.path} has no samples", place, fix="run the diagram again")
+    return x
+
+
+def read_beside(
+    result: Result, part: str, name: str | None, count: int, place: Position | None = None
+) -> np.ndarray | None:
+    """What goes with so many bodies: references, radii, neighbours or weights. Raises: PlotError, ResultError."""
+    if not name:
+        return None
+    _, values = read(result, name)
+    axes, least = _BESIDE[part]
+    if values.ndim != axes + 1 or values.shape[1] != count or (axes > 1 and values.shape[2] < least):
+        message = f"`{name}` has the shape {values.shape[1:]}, and cannot be the {part} of {count} bodies"
+        wanted = f"({count},)" if axes == 1 else f"({count}, {least} or more)"
+        raise PlotError(message, place, fix=f"name a signal of shape {wanted}")
+    return values
 
 
 def draw(result: Result, plane: Plane) -> Any:
@@ -73,14 +102,13 @@ class _Paths:
     """The ways of some bodies through the plane, those that they should take, and the bodies themselves."""
 
     def __init__(self, result: Result, plane: Plane) -> None:
-        _, self.x = read(result, plane.positions)
-        if self.x.ndim != 3 or self.x.shape[2] < 2 or not len(self.x):
-            fix = "name a signal of shape (bodies, 2 or more)"
-            raise PlotError(f"`{plane.positions}` is no list of positions", fix=fix)
+        places = plane.places
+        self.x = read_positions(result, plane.positions, places.get("positions"))
         self.times = result.times
-        self.wanted = read(result, plane.references)[1] if plane.references else None
         self.count = self.x.shape[1]
-        self.radius = read(result, plane.radii)[1][0] if plane.radii else np.zeros(self.count)
+        self.wanted = read_beside(result, "references", plane.references, self.count, places.get("references"))
+        radii = read_beside(result, "radii", plane.radii, self.count, places.get("radii"))
+        self.radius = np.zeros(self.count) if radii is None else radii[0]
 
     def cover_each_other(self, shown: Sequence[int]) -> bool:
         """Whether a body at one time covers one at another."""
@@ -91,7 +119,7 @@ class _Paths:
     def ratio(self) -> float:
         """Height over width of all ways."""
         width, height = (np.ptp(self.x[:, :, q]) + 2 * self.radius.max() for q in range(2))
-        return float(height / width)
+        return float(height / max(width, 1e-9))
 
     def centre(self, k: int) -> np.ndarray:
         """The middle of the bodies and of their references at one time."""

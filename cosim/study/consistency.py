@@ -175,3 +175,20 @@ def _figure(figure: Figure, study: Study, bases: Mapping[str, Network], members:
                 message = f"`figures.{figure.name}` shows `{signal}`, which is not recorded"
                 fix = nearest(signal, recorded) if recorded else "name it below `record: {signals: […]}`"
                 problems.add(PlotError(message, figure.position, fix))
+    _figure_times(figure, study, [bases[variant] for variant in shown], problems)
+
+
+def _figure_times(figure: Figure, study: Study, shown: list[Network], problems: Problems) -> None:
+    """The times that a figure shows are within the longest of its runs."""
+    if any(path == "run.stop" for path, _, _ in _setters(study)):
+        return  # each member has its own
+    last = max((network.diagram.run.stop for network in shown), default=0.0)
+    reaches = f"its runs are from 0 to {last:g} s"
+    for panel in figure.panels:
+        if panel.span and not panel.over and (panel.span[0] >= last or panel.span[1] <= 0):
+            message = f"`figures.{figure.name}` shows nothing from {panel.span[0]:g} to {panel.span[1]:g} s"
+            problems.add(PlotError(message, panel.places.get("span"), reaches))
+    for time in figure.plane.at if figure.plane else ():
+        if not 0 <= time <= last:
+            message = f"`figures.{figure.name}` shows bodies at {time:g} s, when there is no run"
+            problems.add(PlotError(message, figure.plane.places.get("at") if figure.plane else None, reaches))

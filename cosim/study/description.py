@@ -45,6 +45,7 @@ from cosim.study.model import (
 )
 
 MOST_VALUES = 1_000_000  # of one axis of the grid
+MOST_DEVIATIONS = 10  # that a normal draw may be away from its mean
 _VALUE: dict[str, Any] = {}
 _NAMED = {ANY: _VALUE}
 _OVERLAY = {key: Layer(below) for key, below in grammar.DIAGRAM.items() if key not in ("title", "extends")}
@@ -182,6 +183,10 @@ class _StudyReader:
                 self.reader.wrong(items[2], message, f"at most {MOST_VALUES} values", TooLarge)
                 return (first,)
             values = np.arange(first, last + 1e-9 * third, third)
+        elif not np.isfinite(last - first):
+            message = f"`grid.{path}`: from {first:g} to {last:g} is beyond all numbers"
+            self.reader.wrong(node, message, "give a smaller range", WrongValue)
+            return (first,)
         elif kind == "geomspace" and not first * last > 0:
             message = f"`grid.{path}`: from {first:g} to {last:g} there are no constant ratios"
             self.reader.wrong(node, message, "give two numbers of one sign, neither of them 0", WrongValue)
@@ -243,6 +248,10 @@ class _StudyReader:
             return None
         if (kind == "uniform" and np.any(a > b)) or (kind == "normal" and np.any(b < 0)):
             self.reader.wrong(node, f"`{where}` has its bounds the wrong way round", "exchange them", WrongValue)
+        with np.errstate(over="ignore"):
+            range_ = b - a if kind == "uniform" else np.abs(a) + MOST_DEVIATIONS * b
+        if not np.all(np.isfinite(range_)):
+            self.reader.wrong(node, f"`{where}` has a range beyond all numbers", "give a smaller range", WrongValue)
         return Draw(_paths(path), kind == "normal", a, b, node)
 
     def _numbers(self, node: Node, where: str) -> np.ndarray:
@@ -265,6 +274,9 @@ class _StudyReader:
             self.reader.wrong(node, f"`{where}` has no bound", "write {least: 0.1} or {most: 1}", WrongValue)
         least = self.reader.number(entries["least"], where) if "least" in entries else -np.inf
         most = self.reader.number(entries["most"], where) if "most" in entries else np.inf
+        if least > most:
+            message = f"`{where}`: nothing is at least {least:g} and at most {most:g}"
+            self.reader.wrong(node, message, "exchange them", WrongValue)
         return Bounds(signal, least, most, node)
 
     def _metrics(self, node: Node | None) -> tuple[tuple[Node, ...] | None, Node | None]:
@@ -291,6 +303,9 @@ class _StudyReader:
         rows = node.value.get("rows")
         given = rows.value if rows and isinstance(rows.value, list) else [rows] if rows else []
         names = tuple(self._dimension(n, f"{where}.rows", study) for n in given)
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                self.reader.wrong(given[k], f"`{where}.rows` has `{name}` twice", "write it once", WrongValue)
         columns = node.value.get("columns")
         transpose = "transpose" in node.value and self.reader.truth(node.value["transpose"], f"{where}.transpose")
         return TableLayout(title, names or ("variant",), self._columns(where, columns), transpose, node)
@@ -322,12 +337,19 @@ class _StudyReader:
             return None
         limits = {key: self.reader.number(entries[key], where) for key in ("above", "below") if key in entries}
         statistic = self._statistic(where, entries["over"]) if "over" in entries else None
+        if limits and "over" in entries:
+            message = f"`{where}`: beside `{next(iter(limits))}` nothing is reduced by `over`, as a share is counted"
+            self.reader.wrong(entries["over"], message, f"remove `over`, or `{' and '.join(limits)}`", WrongValue)
         style = self._format(where, entries["format"]) if "format" in entries else (".1%" if limits else ".3g")
         return Column(heading, entries["metric"], statistic, limits.get("above"), limits.get("below"), style)
 
     def _statistic(self, where: str, node: Node) -> str | float:
         if isinstance(node.value, int | float) and not isinstance(node.value, bool) and 0 <= node.value <= 1:
             return float(node.value)
+        if isinstance(node.value, int | float) and 1 < node.value <= 100:
+            message = f"`{where}.over` takes a quantile from 0 to 1, not {describe(node)}"
+            self.reader.wrong(node, message, f"{node.value / 100:g} is the {node.value:g} % quantile", WrongValue)
+            return 1.0
         return self.reader.choice(node, f"{where}.over", STATISTICS)
 
     def _format(self, where: str, node: Node) -> str:

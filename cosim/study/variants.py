@@ -24,6 +24,7 @@ from cosim.errors import (
     Problems,
     RuleViolation,
     UnknownSetting,
+    WrongFile,
     WrongShape,
     nearest,
 )
@@ -198,6 +199,9 @@ class Variants:
         """A variant's layers, merged; with the study's metrics, and with the recording that it asks for."""
         if variant.name not in self._trees:
             tree, files = overlay.read_layers(variant.diagram, problems, variant.diagram_position)
+            if diagram.is_study(tree):
+                message = f"`{variant.diagram}` is a study, not a diagram"
+                raise WrongFile(message, variant.diagram_position, "name a diagram, such as the one of that study")
             if variant.overlay:
                 tree = overlay.merge(tree, variant.overlay)
             for block, node in variant.swaps.items():
@@ -212,14 +216,14 @@ class Variants:
         if study.added_metrics:
             tree = overlay.merge(tree, Node({"metrics": study.added_metrics}, place))
         entries = dict(tree.value)
-        if study.metrics is not None and "metrics" in entries:
-            known = entries["metrics"].value
+        known = entries["metrics"].value if "metrics" in entries else {}
+        if study.metrics is not None and isinstance(known, dict):  # of anything else the diagram's grammar tells
             for node in study.metrics:
                 if node.value not in known:
                     message = f"there is no metric `{node.value}`"
                     raise MetricError(message, node.position, nearest(str(node.value), known))
             chosen = {node.value: known[node.value] for node in study.metrics}
-            entries["metrics"] = replace(entries["metrics"], value=chosen)
+            entries["metrics"] = replace(entries.get("metrics", tree), value=chosen)
         if study.record is None:
             entries.pop("record", None)
         elif study.record.value:

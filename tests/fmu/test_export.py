@@ -84,7 +84,9 @@ def fmus(network, folder):
         key = (blocks, version)
         if key not in made:
             name = f"{blocks.replace(',', '_')}_{version[0]}.fmu"
-            made[key] = export(network, blocks.split(",") if blocks else [], folder / name, version, member=2)
+            names = blocks.split(",") if blocks else []
+            member = 1 if blocks == "" or "mean" in names else 2  # a mixture has arrays over the fleet, and no member
+            made[key] = export(network, names, folder / name, version, member=member)
         return made[key]
 
     return get

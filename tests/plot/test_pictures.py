@@ -74,6 +74,15 @@ def test_chosen_signals_and_several_results(result, tmp_path):
         (["--signals", "plant.x[9,9]"], "no such element"),
         (["-o", "picture.bmp"], "pictures are png, svg, pdf"),
         (["--animate", "-o", "picture.mp3"], "animations are gif, html"),
+        (["--animate", "--radii", "plant.x"], "`plant.x` has the shape (3, 3), and cannot be the radii of 3 bodies"),
+        (["--animate", "--references", "test.error"], "cannot be the references of 3 bodies"),
+        (["--animate", "--neighbours", "plant.x"], "`plant.x` has no numbers of 3 bodies"),
+        (["--animate", "--weights", "plant.x"], "`plant.x` has the shape (3, 3), and `topology.neighbours` has (3, 2)"),
+        (["--positions", "plant.x"], "--positions is a part of an animation"),
+        (["--radii", "plant.radius"], "--radii is a part of an animation"),
+        (["--animate", "--signals", "plant.x"], "--signals chooses lines"),
+        (["other.nc", "--animate"], "an animation shows one run, not 2"),
+        (["--signals", ","], "`,` names no signal"),
     ],
 )
 def test_mistakes_are_told_in_words(result, arguments, message, capsys):
@@ -259,7 +268,7 @@ def test_figures_of_a_study(result, tmp_path):
     from cosim.source import parse_value
 
     text = """{
-      A: {panels: [{signals: test.error, over: "plant.x[1,1]", derivative: true, thresholds: {zero: 0}}], columns: 2},
+      A: {panels: [{signals: test.error, over: "plant.x[1,1]", derivative: true, thresholds: {zero: 0}}]},
       B: {kind: plane, positions: plant.x, references: reference.x_d, radii: plant.radius, at: [0, 3]}}"""
     problems = Problems()
     made = figures.read(parse_value(text, Position("study.yaml")).value, problems)
@@ -278,6 +287,22 @@ def test_figures_of_a_study(result, tmp_path):
         ("{A: {kind: pie}}", "`figures.A.kind` cannot be"),
         ("{A: {panels: [{signals: a.b, limits: 3}]}}", "takes a list of numbers"),
         ("{A: {}}", "has no panels"),
+        ("{A: {panels: [{signals: a.b}], columns: 1000000}}", "has 1000000 columns for 1 panel"),
+        ("{A: {panels: [{signals: a.b}], height: 1000000}}", "`figures.A.height` cannot be 1e+06 inches"),
+        ("{A: {panels: [{signals: a.b, limits: [0, 1, 2]}]}}", "limits` takes two numbers, not a list of 3"),
+        ("{A: {panels: [{signals: a.b, limits: [0]}]}}", "limits` takes two numbers, not a list of 1"),
+        ("{A: {panels: [{signals: a.b, limits: [1, 1]}]}}", "from 1 to 1 there is nothing"),
+        ("{A: {panels: [{signals: a.b, span: [1, 0]}]}}", "from 1 to 0 there is nothing"),
+        ("{A: {panels: [{signals: a.b, over_label: x}]}}", "has a label for what it is drawn over"),
+        ("{A: {panels: [{signals: a.b, log: true, limits: [-1, 1]}]}}", "a logarithmic axis does not reach -1"),
+        ("{A: {kind: distribution, metric: m, limits: [1]}}", "`figures.A.limits` takes two numbers"),
+        ("{A: {kind: plane, positions: a.x, at: []}}", "`figures.A.at` is empty"),
+        ("{A: {kind: plane, positions: a.x, members: [b, c]}}", "shows bodies of one run, not of 2"),
+        ("{A: {kind: plane, positions: a.x, metric: m}}", "no key `metric`, as its kind is plane"),
+        ("{A: {kind: plane, positions: a.x, panels: [{signals: a.b}]}}", "no key `panels`, as its kind is plane"),
+        ("{A: {kind: distribution, metric: m, columns: 2}}", "no key `columns`, as its kind is distribution"),
+        ("{A: {panels: [{signals: a.b}], positions: a.x}}", "no key `positions`, as its kind is lines"),
+        ("{A: {panels: [{signals: a.b}], limits: [0, 1]}}", "write it in a panel: panels: [{limits: …}]"),
     ],
 )
 def test_mistakes_in_figures_are_reported(text, message):
@@ -287,3 +312,53 @@ def test_mistakes_in_figures_are_reported(text, message):
     problems = Problems()
     figures.read(parse_value(text, Position("study.yaml")).value, problems)
     assert any(message in str(error) for error in problems.errors)
+    assert all(error.position and error.fix for error in problems.errors)
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "message"),
+    [
+        ("{panels: [{signals: test.error, over: plant.x}]}", "over", "`plant.x` has 9 elements, and lines are"),
+        ("{panels: [{signals: plant.radius, names: [a, b, c, d]}]}", "names", "there are 4 names for 3 lines"),
+        (
+            '{panels: [{signals: test.error, over: "plant.radius[1]", span: [5, 6]}]}',
+            "span",
+            "`plant.radius[1]` is never from 5 to 6",
+        ),
+        ("{kind: plane, positions: test.error}", "positions", "`test.error` is no list of positions"),
+        ("{kind: plane, positions: plant.x, radii: plant.x}", "radii", "cannot be the radii of 3 bodies"),
+        ("{kind: plane, positions: plant.x, references: test.error}", "references", "cannot be the references of 3"),
+        ('{kind: plane, positions: plant.x, references: "plant.x[1,:]"}', "references", "cannot be the references"),
+    ],
+)
+def test_what_does_not_fit_a_result_is_told_at_its_place(result, tmp_path, text, key, message):
+    from cosim import source
+    from cosim.errors import Problems
+
+    (tmp_path / "figures.yaml").write_text(f"A: {text}")
+    problems = Problems()
+    (figure,) = figures.read(source.read(tmp_path / "figures.yaml", problems).value, problems)
+    problems.raise_if_any()
+    with pytest.raises(PlotError, match=re.escape(message)) as caught:
+        figure.draw({"run": result}, tmp_path / "A.png")
+    assert caught.value.position.column == len("A: ") + text.index(f"{key}: ") + len(f"{key}: ") + 1
+    assert caught.value.fix and not (tmp_path / "A.png").exists()
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_stands_still_is_drawn_without_a_warning(result, tmp_path):
+    panels = [
+        lines.Panel(["test.error"], over="plant.radius[1]", derivative=True),
+        lines.Panel(["test.error"], limits=(-1, 1)),  # over decades, which no logarithmic axis shows down to -1
+    ]
+    with open_result(result) as opened, style.style():
+        figure = lines.draw({"run": opened}, panels)
+        style.save(figure, tmp_path / "a.png")
+        assert figure.axes[1].get_ylim() == (-1, 1)
+
+
+def test_without_a_signal_on_the_other_axis_the_derivative_is_that_over_time(result):
+    panel = lines.Panel(["plant.x[1,1]"], derivative=True)
+    with open_result(result) as opened, style.style():
+        (line,) = lines.draw({"run": opened}, [panel]).axes[0].get_lines()
+        assert np.allclose(line.get_ydata()[1:-1], 0.3 - np.sin(opened.times)[1:-1], atol=0.01)

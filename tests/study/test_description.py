@@ -9,6 +9,8 @@ from cosim.errors import DiagramErrors
 from cosim.study import plan
 from cosim.study.description import short_name
 from cosim.study.running import Options, run
+from cosim.study.variants import Variants
+from tests.study.conftest import DIAGRAM
 
 
 def test_dimensions_and_size(study):
@@ -93,6 +95,30 @@ def test_rows_of_a_table_name_a_dimension_by_an_end_that_no_other_has(study):
         ("{diagram: diagram.yaml, record: true, figures: {F: {panels: [{label: x}]}}}", "has no `signals`", "1:62"),
         ("{diagram: diagram.yaml, record: true, figures: {F: {kind: plane}}}", "has no `positions`", "1:49"),
         ("{diagram: diagram.yaml, figures: {F: {kind: distribution}}}", "has no `metric`", "1:35"),
+        ("{diagram: diagram.yaml, grid: {a.b: {linspace: [-1e308, 1e308, 3]}}}", "beyond all numbers", "1:37"),
+        (
+            "{diagram: diagram.yaml, random: {count: 1, draws: {a.b: {uniform: [-1e308, 1e308]}}}}",
+            "a range beyond all numbers",
+            "1:57",
+        ),
+        (
+            "{diagram: diagram.yaml, random: {count: 1, draws: {a.b: {normal: [0, 1e308]}}}}",
+            "a range beyond all numbers",
+            "1:57",
+        ),
+        (
+            "{diagram: diagram.yaml, random: {count: 1, draws: {a.b: {uniform: [0, 1]}}, "
+            "accept: {a.x: {least: 1, most: 0}}}}",
+            "nothing is at least 1 and at most 0",
+            "1:91",
+        ),
+        ("{diagram: diagram.yaml, tables: {t: {rows: [variant, variant]}}}", "has `variant` twice", "1:54"),
+        ("{diagram: diagram.yaml, tables: {t: {columns: {a: {metric: m, over: 95}}}}}", "0.95 is the 95 %", "1:69"),
+        (
+            "{diagram: diagram.yaml, tables: {t: {columns: {a: {metric: m, above: 0, over: median}}}}}",
+            "beside `above` nothing is reduced by `over`",
+            "1:79",
+        ),
     ],
 )
 def test_mistakes_of_the_study_have_a_place(study, text, message, place):
@@ -150,6 +176,22 @@ def test_a_variant_may_have_any_other_name(study, name):
     ("text", "message", "place"),
     [
         ("{diagram: other.yaml}", "there is no file", "1:11"),
+        ("{diagram: study.yaml}", "study.yaml` is a study, not a diagram", "1:11"),
+        (
+            "{diagram: diagram.yaml, record: true, figures: {F: {panels: [{signals: lag.x, span: [50, 60]}]}}}",
+            "shows nothing from 50 to 60 s",
+            "1:85",
+        ),
+        (
+            "{diagram: diagram.yaml, record: true, figures: {F: {kind: plane, positions: lag.x, at: [50]}}}",
+            "shows bodies at 50 s, when there is no run",
+            "1:88",
+        ),
+        (
+            "{diagram: diagram.yaml, record: true, figures: {F: {kind: plane, positions: lag.x, at: [-1]}}}",
+            "shows bodies at -1 s, when there is no run",
+            "1:88",
+        ),
         ("{diagram: diagram.yaml, variants: {a: {diagram: other.yaml}}}", "there is no file", "1:49"),
         ("{diagram: diagram.yaml, variants: {a: {swap: {lagg: Gain}}}}", "no block `lagg`", "1:47"),
         ("{diagram: diagram.yaml, variants: {a: {set: {blocks.lagg.parameters.T: 1}}}}", "no `lagg`", "1:46"),
@@ -206,3 +248,22 @@ def test_mistakes_about_the_diagram_stop_before_anything_runs(study, tmp_path, t
         run(study(text), Options(tmp_path / "results"))
     assert f"study.yaml:{place}" in str(caught.value)
     assert not (tmp_path / "results").exists()
+
+
+def test_a_study_of_studies_is_one_mistake(study, tmp_path):
+    (tmp_path / "inner.yaml").write_text("diagram: diagram.yaml")
+    text = "{diagram: inner.yaml, variants: {a: {}, b: {}}, metrics: [top], grid: {run.stop: [1, 2]}}"
+    with pytest.raises(DiagramErrors, match="is a study, not a diagram") as caught:
+        run(study(text), Options(tmp_path / "results"))
+    assert len(caught.value.errors) == 1
+
+
+def test_metrics_that_are_no_mapping_are_told_where_the_diagram_has_them(study, tmp_path):
+    broken = DIAGRAM[: DIAGRAM.index("    metrics:")] + "    metrics: [top]\n"
+    with pytest.raises(DiagramErrors, match=r"diagram\.yaml:9:10: `metrics` must be a mapping, not a list of 1"):
+        run(study("{diagram: diagram.yaml, metrics: [top]}", broken), Options(tmp_path / "results"))
+
+
+def test_a_span_may_lie_in_the_longer_runs_of_a_grid(study):
+    text = "record: true, figures: {F: {panels: [{signals: lag.x, span: [2, 3]}]}}, grid: {run.stop: [1, 3]}"
+    Variants(study(f"{{diagram: diagram.yaml, {text}}}")).check()
