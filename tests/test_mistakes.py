@@ -276,6 +276,42 @@ def test_a_rule_that_cannot_be_judged_names_its_line(write, tmp_path, capsys, ki
     assert re.search(r"fix: correct its function at \S*own.py:5", text)
 
 
+EXITS = ["exit(0)", "quit()", "raise SystemExit", "sys.exit('enough')"]
+JUDGED = {"a rule": ("rule", "k"), "a condition": ("condition", "k"), "a condition along the run": ("condition", "y")}
+
+
+@pytest.mark.parametrize("leave", EXITS)
+@pytest.mark.parametrize("judged", JUDGED)
+def test_code_that_exits_is_a_mistake_at_its_line(write, tmp_path, monkeypatch, capsys, judged, leave):
+    kind, name = JUDGED[judged]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "import sys\nfrom cosim import Block, Output, Parameter, block\n"
+        "class Odd(Block):\n    k = Parameter(default=1.0)\n    y = Output()\n"
+        f"    @block.{kind}('it is odd')\n    def odd({name}):\n        {leave}\n"
+        "    def outputs(k, y):\n        y[0] = k\n"
+    )
+    write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
+    command = "run" if name == "y" else "check"
+    assert cli.main([command, "diagram.yaml", "--json"] if command == "run" else [command, "diagram.yaml"]) == 2
+    out, said = capsys.readouterr()
+    assert re.search(r"own.py:8:\d+: error: a block's code asks the whole program to end: SystemExit\(.*\)", said)
+    assert "fix: " in said and "Traceback" not in said
+    assert command == "check" or '"status": "failed"' in out
+
+
+def test_plain_python_that_exits_stops_the_run(write, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output\nclass Odd(Block, compiled=False):\n    y = Output()\n"
+        "    def outputs(time, y):\n        y[0] = time\n        if time > 0.5:\n            raise SystemExit(0)\n"
+    )
+    write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
+    for engine in ("native", "python"):
+        assert cli.main(["run", "diagram.yaml", "--engine", engine]) == 1
+        assert "block one: outputs() failed at t = 0.6 s: SystemExit: 0" in capsys.readouterr().err
+
+
 def test_without_code_no_python_file_is_run_and_the_rest_is_checked(write, tmp_path, capsys):
     (tmp_path / "own.py").write_text("raise SystemExit('it ran')\n")
     good = "run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd, inputs: {u: two.x_c}}\n"
