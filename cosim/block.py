@@ -96,9 +96,16 @@ class Variable:
 
 
 class Input(Variable):
-    """A signal that a wire brings; with `start`, it may stay unconnected and holds that value."""
+    """A signal that a wire brings; with `start`, it may stay unconnected and holds that value.
+
+    only: the name of the ports that may be wired to it, whatever their block; "" for any.
+    """
 
     causality = "input"
+
+    def __init__(self, *shape: int | str, only: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.only = only
 
 
 class Output(Variable):

@@ -76,6 +76,7 @@ def _settings(name: str, variable: Any) -> Iterator[tuple[str, str]]:
     for key, kind, words, fix in (
         ("description", str, "text", 'description="…"'),
         ("event", str, "text", 'event="…", what to report when it first becomes true'),
+        ("only", str, "text", 'only="…", the name of the ports that it takes'),
         ("finite", bool, "True or False", "finite=False"),
         ("output", bool, "True or False", "output=True"),
     ):

@@ -293,6 +293,12 @@ class _Wiring:
         here = slave.declaration.variables[port]
         there = self.slaves[source.slave].declaration.variables[source.variable]
         position = slave.entry.inputs[port].position
+        only = getattr(here, "only", "")
+        if only and source.variable != only:
+            message = f"block {slave.name}: input `{port}` takes ports called `{only}` and nothing else, not {source}"
+            taps = {n: s.declaration.variables.get(only) for n, s in self.slaves.items()}
+            wanted = [f"{n}.{only}" for n, variable in taps.items() if variable and variable.causality != "input"]
+            raise NotWirable(message, position, f"wire {' or '.join(wanted) or f'a port of the name `{only}`'}")
         if not units.same(here.unit, there.unit):
             message = f"block {slave.name}: input `{port}` is in {_unit(here)}, but {source} is in {_unit(there)}"
             raise WrongUnit(message, position, "wire a signal in that unit, or put a gain between")

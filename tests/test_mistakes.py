@@ -180,6 +180,10 @@ RULES = {
     "observer.parameters.beta_1=1": "0.5 < beta_1 < 1",
     "potential_field.parameters.epsilon_2=4": "R_c",
     "potential_field.parameters.epsilon_1=1": "epsilon_1 > 1",
+    "topology.parameters.eta_1=0": "0 < eta_1 <= 1",
+    "topology.parameters.eta_2=-14": "eta_2 > 0 and eta_3 > 0 (eq. 44)",
+    "topology.parameters.eta_3=0": "eta_2 > 0 and eta_3 > 0 (eq. 44)",
+    "differentiator.parameters.eta=[6, 8, 0, 6]": "eta > 0",
     "topology.parameters.hears=[[2], [1], [4], [3], [6], [5]]": "strongly connected",
 }
 
@@ -190,6 +194,19 @@ def test_a_parameter_that_breaks_a_blocks_rule_is_refused(formation, capsys, set
     block = setting.partition(".")[0]
     assert code == 2 and f"block {block}: " in text and RULES[setting] in text and "fix:" in text
     assert f"--set blocks.{setting}" in text
+
+
+def test_no_radius_of_a_pair_is_negative(formation, capsys):
+    """0 is allowed: then a gap is the distance of the centres."""
+    path = formation.with_name("measured_pairs.yaml")
+    code, text = check(path, capsys, "--set", "blocks.pairs.parameters.radii=-0.1")
+    assert code == 2 and "block pairs: PairGaps requires radii >= 0" in text and "fix: change radii" in text
+
+
+def test_a_band_beyond_all_numbers_is_nobodys_mistake(formation, capsys):
+    """Theorem 2's regions are powers of 10, and 10^399 is no number: nobody can say, and no function is to blame."""
+    assert cli.main(["check", str(formation), "--set", "blocks.observer.parameters.c_v=400"]) == 0
+    assert re.search(r"open +observer: Theorem 2, .*K, at least, band by band: 294 < inf; ", capsys.readouterr().out)
 
 
 def test_a_renamed_block_is_one_mistake_with_its_new_name(formation, write, capsys):
