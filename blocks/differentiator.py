@@ -38,6 +38,7 @@ class SlidingModeDifferentiator(Block):
     gains = CalculatedParameter(4, description="k_1 … k_4, the gains scaled by the Lipschitz constant")
 
     positive = rule("lipschitz > 0", "Assumption 2")(lambda lipschitz: lipschitz > 0.0)
+    gained = rule("eta > 0", "eq. 29")(lambda eta: min(eta) > 0.0)
 
     def calculate(eta, lipschitz, gains):
         root = math.sqrt(lipschitz)

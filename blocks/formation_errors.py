@@ -23,7 +23,7 @@ class FormationErrors(Measure):
     v = Input("robots", "n", description="true velocities")
     x_d = Input("robots", "n", description="position references")
     dx_d = Input("robots", "n", description="true first derivatives of x_d")
-    s_hat = Input("robots", "n", description="estimated sliding variables")
+    s_hat = Input("robots", "n", only="s_hat", description="estimated sliding variables")
     neighbours = Input("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Input("robots", "capacity", unit="1", description="a_ij of each neighbour j")
     lambda_ = Parameter("robots", unit="1/s", default=2.0, description="slope of each robot's sliding variable")

@@ -13,13 +13,17 @@ def pairs_are_robots(pairs, robots):
 
 
 class PairGaps(Measure):
-    """The gap ||z_ij|| - R_i - R_j of each listed pair of robots; 0 is a collision."""
+    """The gap ||z_ij|| - R_i - R_j of each listed pair of robots; 0 is a collision.
+
+    With radii of 0 it is the distance of the centres.
+    """
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
     pairs = Parameter("listed", 2, dtype=np.int32, unit="1", description="pairs of robots' numbers, from 1")
     gaps = Output("listed", unit="m", description="gap of each pair")
 
+    positive = rule("radii >= 0")(lambda radii: min(radii) >= 0.0)
     numbers = rule("pairs of two different robots")(pairs_are_robots)
 
     def outputs(x, radii, pairs, gaps):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cosim.block import Block, Input, Output, Parameter, rule
+from cosim.blocks.agreement import radii_agree
 from cosim.blocks.distance import planar_distance
 
 
@@ -53,6 +54,7 @@ class PotentialField(Block):
     )
 
     positive = rule("radii > 0 and alpha >= 0", "eq. 8")(lambda radii, alpha: min(radii) > 0.0 and alpha >= 0.0)
+    same = rule("radii as the plant has them, if x is a plant's", "Definition 2")(radii_agree)
     margin = rule("epsilon_1 > 1", "Definition 2")(lambda epsilon_1: epsilon_1 > 1.0)
     order = rule("epsilon_2 > epsilon_1", "Definition 2")(lambda epsilon_2, epsilon_1: epsilon_2 > epsilon_1)
     outer = rule("an outer boundary epsilon_2 (R_i + R_j) of at most R_c", "Definition 2")(outer_boundary_in_range)

@@ -48,7 +48,8 @@ class RangeTopology(Block):
     neighbours = Output("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Output("robots", "capacity", unit="1", description="a_ij of each neighbour j")
 
-    range_rule = rule("R_c > 0 and 0 <= eta_1 <= 1", "eq. 5")(lambda R_c, eta_1: R_c > 0.0 and 0.0 <= eta_1 <= 1.0)
+    range_rule = rule("R_c > 0 and 0 < eta_1 <= 1", "eq. 5")(lambda R_c, eta_1: R_c > 0.0 and 0.0 < eta_1 <= 1.0)
+    falling = rule("eta_2 > 0 and eta_3 > 0", "eq. 44")(lambda eta_2, eta_3: eta_2 > 0.0 and eta_3 > 0.0)
     numbers = rule("every robot hears other robots, each once", "Section II-B")(names_robots)
     connected = rule("a strongly connected static graph G1", "Section II-B, Lemma 2")(strongly_connected)
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.block import Dimension, Input, Local, Measure, Output, Parameter, State, condition, rule
+from cosim.blocks.agreement import radii_agree
 from cosim.blocks.cell_grid import later, later_near, sees_all, sort_into_cells
 from cosim.blocks.distance import planar_square, surely_beyond
 
@@ -64,6 +65,7 @@ class Separation(Measure):
     listed = State("collision_capacity", 3, start=math.nan, finite=False, description="the rows before this instant")
 
     positive = rule("radii > 0")(lambda radii: min(radii) > 0.0)
+    same = rule("radii as the plant has them, if x is a plant's")(radii_agree)
     complete = condition("every pair that collides is listed")(everything_listed)
 
     def outputs(time, x, radii, listed, cells, heads, links, found, min_gap, unlisted, collisions):

@@ -254,12 +254,21 @@ def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, wi
     for j in range(1, bands + 1):
         rate, forgetting = float(gamma_1[j - 1]), float(gamma_2[j - 1])
         k_2 = phi_max * math.hypot(p[0, 1] + rate, p[1, 1])
-        ultimate = (k_2 * k_2 / (2.0 * forgetting * smallest_q)) ** (1.0 / (2.0 - 1.0 / beta_1))
-        limit = 10.0 ** (c_v - j if j < bands else c_v - bands + 1)
-        holds = holds and ultimate < limit
-        texts.append(f"{ultimate:.3g} {'<' if ultimate < limit else '>='} {limit:.3g}")
+        ultimate = power(k_2 * k_2 / (2.0 * forgetting * smallest_q), 1.0 / (2.0 - 1.0 / beta_1))
+        limit = power(10.0, c_v - j if j < bands else c_v - bands + 1)
+        below = ultimate < limit or math.isinf(limit)
+        holds = holds and below
+        texts.append(f"{ultimate:.3g} {'<' if below else '>='} {limit:.3g}")
     numbers = f"{_p_2(p)}, phi_M = {phi_max:.4g}, W_M = 0 and epsilon_M = 0 are assumed"
     return None if holds else False, f"{numbers}; K, at least, band by band: {'; '.join(texts)}"
+
+
+def power(base, exponent):
+    """base ** exponent, infinite where that is too large for a number."""
+    try:
+        return float(base) ** float(exponent)
+    except OverflowError:
+        return math.inf
 
 
 def lyapunov_matrix(alpha_1, alpha_2, beta_1):

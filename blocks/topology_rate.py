@@ -27,7 +27,7 @@ class TopologyRate(Measure):
     v = Input("robots", "n", description="true velocities")
     neighbours = Input("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Input("robots", "capacity", unit="1", description="a_ij of each neighbour j")
-    s_hat = Input("robots", "n", description="of the controller with whose gains Theorem 3 is judged; nothing else")
+    s_hat = Input("robots", "n", only="s_hat", description="of the controller with whose gains Theorem 3 is judged")
     eta_1 = Parameter(unit="1", default=0.2, description="weight of a near robot")
     eta_2 = Parameter(unit="1/m", default=14.0, description="steepness of the weight's fall")
     L_2 = Output(unit="1", description="||L_2||")

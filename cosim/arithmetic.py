@@ -257,6 +257,8 @@ class Arithmetic:
                 raise errors.UnsupportedError(f"{function.__name__}() of arrays: {_LOOP}", inst.loc)
             if len(call.args) == function.nin:
                 raise errors.UnsupportedError(_ALLOCATES, inst.loc)
+        if function is range and any(isinstance(self.typeof(a.name), types.Float) for a in call.args):
+            raise errors.UnsupportedError("range() of a real number: make it whole with int() first", inst.loc)
         rounding = function in (int, round, math.floor, math.ceil, math.trunc) and len(call.args) == 1
         if rounding and isinstance(self.typeof(call.args[0].name), types.Float):
             self._check_integer(self.loadvar(call.args[0].name))

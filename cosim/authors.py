@@ -18,7 +18,7 @@ from cosim import naming
 from cosim.adapters import is_scalar, variable_of
 from cosim.author_source import Text, arguments_of, function_text, shown
 from cosim.block import Declaration, Function, Local, State
-from cosim.dataflow import Effects, effects, scope_of
+from cosim.dataflow import Effects, LeftOut, effects, scope_of
 from cosim.errors import CosimError, DeclarationError, Position, Problems, nearest
 from cosim.shared_operations import unshared
 
@@ -128,7 +128,11 @@ class _Reporter:
         rebound = {p.name for p in found.rebound}
         arguments = {a.arg: a for a in arguments_of(self.text.node)}
         for name in self.function.arguments:
-            if name not in self.function.writes or name in rebound or name in found.surely:
+            if name not in self.function.writes or name in rebound:
+                continue
+            if name in found.surely:
+                if name in found.left_out and name in self.required():
+                    yield self.left_out(name, found.left_out[name])
                 continue
             node, kind = arguments[name], self.kind(name)
             if name not in found.touched:
@@ -142,6 +146,14 @@ class _Reporter:
                     f"may leave `{name}` unwritten: there is a path on which the {kind} keeps what an earlier call left"
                 )
                 yield self.mistake(node, what, f"write it on every path, such as {self.element(name)} = 0.0 at the top")
+
+    def left_out(self, name: str, left: LeftOut) -> DeclarationError:
+        """An element that no loop reaches."""
+        axes = len(variable_of(self.declaration, name).shape)
+        element = f"{name}[{', '.join([':'] * left.axis + [str(left.index)])}]"
+        size = f"{name}.size" if axes < 2 else f"{name}.shape[{left.axis}]"
+        what = f"may leave `{name}` unwritten: {element}, which this loop does not reach, keeps what it was"
+        return self.mistake(left.loop, what, f"loop over range({size}), or write {element} too")
 
     def required(self) -> frozenset[str]:
         """What has to be written on every path: all but work space, and what comes with the state's value."""

@@ -62,7 +62,8 @@ class Variable:
     """One declared quantity of a block.
 
     shape: sizes or names of dimensions, () for a scalar. unit: one for all elements, or one for each element of the
-    first axis, or None where the block does not care. dtype: any numpy number type or bool. finite: a run in which it
+    first axis, or None where the block does not care. dtype: one of `cosim.naming.TYPES`; a block that is no author's
+    may have others. finite: a run in which it
     becomes NaN, infinite or as large as `cosim.engine.LIMIT` has diverged; False for what means something by NaN or
     infinity, such as a table of events or the distance to nobody.
     """
@@ -95,9 +96,16 @@ class Variable:
 
 
 class Input(Variable):
-    """A signal that a wire brings; with `start`, it may stay unconnected and holds that value."""
+    """A signal that a wire brings; with `start`, it may stay unconnected and holds that value.
+
+    only: the name of the ports that may be wired to it, whatever their block; "" for any.
+    """
 
     causality = "input"
+
+    def __init__(self, *shape: int | str, only: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.only = only
 
 
 class Output(Variable):
@@ -137,12 +145,16 @@ class State(Variable):
 
 
 class Parameter(Variable):
-    """A value fixed before the run; without a default, a diagram has to set it."""
+    """A value fixed before the run; without a default, a diagram has to set it.
+
+    misnamed: whether the default was given as `start`, which its author is told when the block is declared.
+    """
 
     causality = "parameter"
 
-    def __init__(self, *shape: int | str, default: Any = None, **more: Any) -> None:
+    def __init__(self, *shape: int | str, default: Any = None, start: Any = None, **more: Any) -> None:
         super().__init__(*shape, start=default, **more)
+        self.misnamed = start is not None
 
 
 class CalculatedParameter(Variable):
@@ -408,10 +420,19 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
     states = {s.name for s in declaration.of(State)}
     continuous, discrete = ({s.name for s in part} for part in (declaration.continuous(), declaration.discrete()))
     for name in sorted(states):
-        if (name in continuous) == (name in discrete):
-            message = f"block {declaration.name}: state `{name}` needs either derivatives or an update"
-            fix = f"name d_{name} in derivatives() or next_{name} in update()"
-            problems.add(DeclarationError(message, naming.place_in(declaration.home, name), fix))
+        said = None
+        if name in continuous and name in discrete:
+            what = f"state `{name}` has derivatives and an update, and needs either derivatives or an update"
+            said = what, f"remove d_{name} from derivatives() or next_{name} from update()"
+        elif name not in continuous and name not in discrete:
+            what = f"state `{name}` needs either derivatives or an update"
+            said = what, f"name d_{name} in derivatives() or next_{name} in update()"
+        elif name in continuous and declaration.variables[name].dtype != float:
+            what = f"state `{name}` is {declaration.variables[name].dtype}: a continuous state is float64"
+            said = what, f"leave out its dtype, or compute it as next_{name} in update()"
+        if said:
+            place = naming.place_in(declaration.home, name)
+            problems.add(DeclarationError(f"block {declaration.name}: {said[0]}", place, said[1]))
     for kind, classes in (("outputs", (Output, Local)), ("calculate", (CalculatedParameter,))):
         computed = [name for f in declaration.kind(kind) for name in f.writes]
         for variable in declaration.of(*classes):

@@ -9,9 +9,10 @@ import signal
 import sys
 import time
 from importlib import import_module
+from pathlib import Path
 
 from cosim import interruption, streams
-from cosim.errors import CosimError
+from cosim.errors import CosimError, Position
 from cosim.exits import BAD_INPUT, BY_SIGNAL, DONE, MEANINGS, STOPPED
 
 COMMANDS = {
@@ -65,6 +66,8 @@ def _command(options: argparse.Namespace, heard: interruption.Interruption) -> i
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         wrong = CosimError(f"{where}{error.strerror or error}")
+    except SystemExit as leaving:  # of a rule's function, for one: nobody has said why
+        wrong = _left(leaving)
     except MemoryError:
         wrong = CosimError("there is not enough memory", fix="run fewer members or steps at a time, or record less")
     heard.raise_if_wanted()  # Python wraps what is raised in some calls, and an import may translate it
@@ -75,6 +78,22 @@ def _command(options: argparse.Namespace, heard: interruption.Interruption) -> i
 
     terminal.print_errors(wrong)
     return BAD_INPUT
+
+
+def _left(leaving: SystemExit) -> CosimError:
+    """An exit out of an author's code, which would end the program without a word, as a mistake at its line."""
+    import traceback
+
+    from cosim.author_source import shown
+
+    own = str(Path(__file__).parent)
+    frames = [f for f in traceback.extract_tb(leaving.__traceback__) if not f.filename.startswith((own, "<"))]
+    place = (
+        Position(shown(frames[-1].filename), frames[-1].lineno or 0, (frames[-1].colno or 0) + 1) if frames else None
+    )
+    asked = "" if leaving.code is None else repr(leaving.code)
+    message = f"a block's code asks the whole program to end: SystemExit({asked})"
+    return CosimError(message, place, 'a rule returns whether it holds; elsewhere raise ValueError("…")')
 
 
 def _subject(options: argparse.Namespace) -> dict[str, str]:

@@ -2,7 +2,8 @@
 
 A write of any element counts as a write of the array, except where all indices that a function ever writes are
 constants: then each element counts by itself. A `for` counts as entered, as no dimension is 0; a `while` only where
-its condition is constant or counts up from 0 to a size.
+its condition is constant or counts up from 0 to a size. Where nothing but loops over `range` write an array, and all of
+them certainly leave out the same element, that is told.
 """
 
 from __future__ import annotations
@@ -47,11 +48,25 @@ class Place:
     name: str
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """An element that no loop reaches: its index along one axis, negative from the end, and one of the loops."""
+
+    loop: Any
+    axis: int
+    index: int
+
+
+#: A whole number: a dimension ("": none) whose size it is, and what is added to that.
+Extent = tuple[Any, int]
+
+
 @dataclass
 class Effects:
     """What a function does to its arguments.
 
     surely: those that every path to the end writes; partly: of those that it does not, the elements that are left;
+    left_out: of those that loops write, an element that they do not reach;
     maybe: everything that some statement writes, also through views and helpers; rebound: arguments that are given
     another value; returned: `return` statements with a value; stale: reads of what is not yet written on some path;
     handed_on: arguments that the returned value may be a view of.
@@ -60,6 +75,7 @@ class Effects:
     arguments: tuple[str, ...]
     surely: frozenset[str] = frozenset()
     partly: dict[str, list[tuple[int, ...]]] = field(default_factory=dict)
+    left_out: dict[str, LeftOut] = field(default_factory=dict)
     maybe: list[Place] = field(default_factory=list)
     rebound: list[Place] = field(default_factory=list)
     returned: list[Any] = field(default_factory=list)
@@ -157,6 +173,7 @@ class _Walk:
                 left = [e for e in elements if (name, e) not in written]
                 if 0 < len(left) < len(elements):
                     result.partly[name] = left
+            result.left_out = self._left_out()
         result.handed_on = frozenset(self.handed)
         result.unknown = frozenset(self.unknown)
         return result
@@ -301,6 +318,107 @@ class _Walk:
         written = written | {(name, place)}
         return written | {name} if all((name, e) in written for e in elements) else written
 
+    # ---- elements that loops leave out ----
+
+    def _left_out(self) -> dict[str, LeftOut]:
+        """For each array that only loops write: an element that certainly all of them leave out."""
+        loops = [n for n in ast.walk(self.node) if isinstance(n, ast.For) and self._is_range(n.iter)]
+        found = {}
+        for name in self.names if loops else ():
+            nodes = [p.node for p in self.result.maybe if p.name == name]
+            if not nodes or name in self.unknown or name in self.bindings:
+                continue
+            missed = [self._missed(name, node, loops) for node in nodes]
+            common = sorted(set(missed[0]).intersection(*missed[1:]))
+            if common:
+                found[name] = LeftOut(missed[0][common[0]], *common[0])
+        return found
+
+    def _missed(self, name: str, node: Any, loops: Sequence[ast.For]) -> dict[tuple[int, int], ast.For]:
+        """The elements (axis, index) that a statement leaves out for certain, each with its loop."""
+        if not (isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name) and node.value.id == name):
+            return {}
+        indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        shape = self.shapes.get(name)
+        if shape is None or len(indices) > len(shape) or any(map(_is_special, indices)):
+            return {}
+        return {
+            (axis, k): loop
+            for axis, index in enumerate(indices)
+            for loop in self._loops_of(index, node, loops)
+            for k in self._not_reached(loop, _extent_of(shape[axis]))
+        }
+
+    def _loops_of(self, index: Any, node: Any, loops: Sequence[ast.For]) -> list[ast.For]:
+        """The loop that an index is the counter of where the node stands; none where that is not certain."""
+        if not isinstance(index, ast.Name):
+            return []
+        inside = [
+            (loop, [n for s in loop.body for n in ast.walk(s)])
+            for loop in loops
+            if isinstance(loop.target, ast.Name) and loop.target.id == index.id
+        ]
+        around = [(loop, nodes) for loop, nodes in inside if any(n is node for n in nodes)]
+        if len(around) != 1 or index.id in _stored(around[0][1]):
+            return []
+        return [around[0][0]]
+
+    def _not_reached(self, loop: ast.For, size: Extent | None) -> set[int]:
+        """Indices below a size that a loop certainly leaves out; a few of them, -1 for the last."""
+        numbers = loop.iter.args  # type: ignore[attr-defined]
+        step = _number(numbers[2]) if len(numbers) == 3 else 1
+        first, end = (self._extent(n) for n in numbers[:2]) if len(numbers) > 1 else (("", 0), self._extent(numbers[0]))
+        if step == -1:  # the same from its other end
+            first, end, step = _plus(end, 1), _plus(first, 1), 1
+        if step is None or step < 1:
+            return set()
+        missed: set[int] = set()
+        if first and first[0] == "" and first[1] >= 0:
+            missed = {*range(min(first[1], _FEW)), *range(first[1] + 1, first[1] + min(step, _FEW))}
+        if size and size[0] == "":
+            missed = {k for k in missed if k < size[1]}
+        if size and end and end[0] == size[0] and end[1] < size[1]:
+            missed.add(size[1] - 1 if size[0] == "" else -1)
+        return missed
+
+    def _is_range(self, node: Any) -> bool:
+        if not (isinstance(node, ast.Call) and self.value(node.func) is range and 0 < len(node.args) < 4):
+            return False
+        return not node.keywords and not any(isinstance(a, ast.Starred) for a in node.args)
+
+    def _extent(self, node: Any) -> Extent | None:
+        """What a whole number is made of, where it follows from sizes and constants."""
+        number = _number(node)
+        if number is not None:
+            return "", number
+        match node:
+            case ast.Name() if node.id in self.bindings:
+                return self._extent_of_local(node.id)
+            case ast.Attribute(value=ast.Name(id=name), attr="size") if name in self.names:
+                shape = self.shapes.get(name) or ()
+                return _extent_of(shape[0]) if len(shape) == 1 and name not in self.bindings else None
+            case ast.Call(args=[ast.Name(id=name)]) if self.value(node.func) is len:
+                return self._extent_of_axis(name, 0)
+            case ast.Subscript(value=ast.Attribute(value=ast.Name(id=name), attr="shape")):
+                return self._extent_of_axis(name, _number(node.slice))
+            case _Element(value=ast.Attribute(value=ast.Name(id=name), attr="shape")):
+                return self._extent_of_axis(name, node.index)
+            case ast.BinOp(op=ast.Add() | ast.Sub()) if (number := _number(node.right)) is not None:
+                return _plus(self._extent(node.left), number if isinstance(node.op, ast.Add) else -number)
+        return _extent_of(resolve(node, self.scope))
+
+    def _extent_of_local(self, name: str) -> Extent | None:
+        if name in self.names or name in self.asking or _stored(ast.walk(self.node)).count(name) != 1:
+            return None
+        self.asking.add(name)
+        found = self._extent(self.bindings[name][0])
+        self.asking.remove(name)
+        return found
+
+    def _extent_of_axis(self, name: str, axis: int | None) -> Extent | None:
+        shape = self.shapes.get(name) if name not in self.bindings else None
+        return _extent_of(shape[axis]) if shape and axis is not None and -len(shape) <= axis < len(shape) else None
+
     # ---- statements ----
 
     def _block(self, statements: Sequence[Any], written: Written) -> Written:
@@ -404,16 +522,33 @@ class _Walk:
         return self.loops.pop()
 
     def _plainly_written(self, body: Sequence[Any]) -> frozenset[str]:
-        """What a loop's body sets, so that a later turn may read what an earlier one wrote."""
+        """What a loop's body sets, so that a later turn may read what an earlier one wrote.
+
+        What is set from itself, as in `y[q] = y[q] + u[q]`, has to have been set before.
+        """
         found: set[str] = set()
         for n in itertools.chain.from_iterable(ast.walk(s) for s in body):
-            targets = n.targets if isinstance(n, ast.Assign) else []
-            for target in targets:
-                for part in target.elts if isinstance(target, ast.Tuple | ast.List) else [target]:
-                    found |= self.roots(part.value) if isinstance(part, ast.Subscript) else set()
-            if isinstance(n, ast.Call):
+            if isinstance(n, ast.Assign):
+                before = self._surely_read(n.value)
+                for target in n.targets:
+                    for part in target.elts if isinstance(target, ast.Tuple | ast.List) else [target]:
+                        found |= self.roots(part.value) - before if isinstance(part, ast.Subscript) else set()
+            if isinstance(n, ast.Call) and not _is_harmless(self.value(n.func)):
                 found |= {r for a in [*n.args, *(k.value for k in n.keywords)] for r in self.roots(a)}
         return frozenset(found)
+
+    def _surely_read(self, node: Any) -> frozenset[str]:
+        """The arrays of which an expression reads an element, whichever way it goes."""
+        match node:
+            case ast.IfExp():
+                return self._surely_read(node.test)
+            case ast.BoolOp():
+                return self._surely_read(node.values[0])
+            case ast.Lambda() | ast.ListComp() | ast.SetComp() | ast.GeneratorExp() | ast.DictComp():
+                return frozenset()
+            case ast.Subscript() if self.axes(node) == 0:
+                return self.roots(node.value) | self._surely_read(node.slice)
+        return frozenset().union(*(self._surely_read(child) for child in ast.iter_child_nodes(node)))
 
     def _is_empty(self, iterator: Any) -> bool:
         if isinstance(iterator, ast.Tuple | ast.List) and not iterator.elts:
@@ -676,14 +811,35 @@ class _Walk:
         ]
 
 
+#: Of how many elements that a loop leaves out is asked whether another one writes them.
+_FEW = 8
+
+
+def _extent_of(size: Any) -> Extent | None:
+    """A size, or what a name stands for, as an extent."""
+    if isinstance(size, str):
+        return size, 0
+    return ("", int(size)) if isinstance(size, int | np.integer) and not isinstance(size, bool) else None
+
+
+def _plus(extent: Extent | None, number: int) -> Extent | None:
+    return None if extent is None else (extent[0], extent[1] + number)
+
+
+def _stored(nodes: Iterable[Any]) -> list[str]:
+    """The names that are given a value, as often as they are."""
+    return [n.id for n in nodes if isinstance(n, ast.Name) and not isinstance(n.ctx, ast.Load)]
+
+
 class _Element(ast.expr):
-    """What stands for one element of an iterable, or of a tuple that is taken apart."""
+    """What stands for one element of an iterable, or of a tuple that is taken apart (then its index is known)."""
 
     _fields = ("value",)
 
-    def __init__(self, value: Any) -> None:
+    def __init__(self, value: Any, index: int | None = None) -> None:
         super().__init__()
         self.value = value
+        self.index = index
 
 
 def _bindings(function: Any) -> dict[str, list[Any]]:
@@ -696,9 +852,10 @@ def _bindings(function: Any) -> dict[str, list[Any]]:
         elif isinstance(target, ast.Name):
             found.setdefault(target.id, []).append(value)
         elif isinstance(target, ast.Tuple | ast.List):
+            starred = any(isinstance(part, ast.Starred) for part in target.elts)
             alike = isinstance(value, ast.Tuple | ast.List) and len(value.elts) == len(target.elts)
             for k, part in enumerate(target.elts):
-                bind(part, value.elts[k] if alike else _Element(value))
+                bind(part, value.elts[k] if alike else _Element(value, None if starred else k))
 
     for n in _own_nodes(function):
         match n:

@@ -48,7 +48,7 @@ def left(frame: int) -> Fault | None:
     return Fault(text, record.time, record.instance)
 
 
-def leave(frame: int, texts: np.ndarray, error: Exception, time: float, instance: int) -> None:
+def leave(frame: int, texts: np.ndarray, error: BaseException, time: float, instance: int) -> None:
     """Leave in a frame what an interpreted function raised, as a compiled one does; texts: bytes that stay."""
     text = _text(error).replace("%", "%%").encode()[: len(texts) - 1] + b"\0"
     texts[: len(text)] = np.frombuffer(text, np.uint8)
@@ -57,7 +57,7 @@ def leave(frame: int, texts: np.ndarray, error: Exception, time: float, instance
     record.instance, record.time = instance, time
 
 
-def _text(error: Exception) -> str:
+def _text(error: BaseException) -> str:
     """An exception with its place, in the words of a compiled function."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((_HERE, "<"))]
     words = str(error)

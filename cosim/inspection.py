@@ -105,6 +105,8 @@ def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
     notes = [variable.description]
     if isinstance(variable, Parameter):
         notes.append("required" if variable.start is None else f"default {variable.start}")
+    if only := getattr(variable, "only", ""):
+        notes.append(f"takes ports called `{only}`")
     if variable.causality == "output":
         notes.append(_feedthrough(declaration, variable))
     kind = "" if variable.dtype == float else variable.dtype.name

@@ -1,4 +1,4 @@
-"""What a block class may call its variables and functions, and how its functions are to be declared."""
+"""What a block class may call its variables and functions, and how both are to be declared."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from cosim import block as blocks
+from cosim import units
 from cosim.author_source import class_text, function_text, shown
-from cosim.errors import DeclarationError, Position, nearest
+from cosim.errors import DeclarationError, Position, WrongUnit, nearest
 
 _OWN = ("declaration", "measuring")
+
+#: The types of an author's variables: those that compiled code stores, and that an exported FMU can show.
+TYPES = ("bool", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)), "float32", "float64")
 
 
 def mistakes(cls: type, members: dict[str, Any]) -> Iterator[DeclarationError]:
@@ -31,6 +35,8 @@ def mistakes(cls: type, members: dict[str, Any]) -> Iterator[DeclarationError]:
             said = f"`{name}` is no plain function, as a block's functions are", f"write def {name}(…):"
         if said:
             yield DeclarationError(f"block {cls.__name__}: {said[0]}", place_in(cls, name), said[1])
+        for what, fix in _settings(name, member) if isinstance(member, blocks.Variable) else ():
+            yield DeclarationError(f"block {cls.__name__}: {what}", place_in(cls, name), fix)
 
 
 def kind(name: str) -> str | None:
@@ -62,6 +68,46 @@ def _variable(name: str, variable: Any, states: set[str], sizes: set[Any]) -> tu
         if not named and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
             what = f"the shape of `{name}` has {size!r}, which is neither a name nor a whole number from 1"
             return what, 'write the sizes one by one, such as ("robots", 2)'
+    return None
+
+
+def _settings(name: str, variable: Any) -> Iterator[tuple[str, str]]:
+    """What is wrong with that which a variable is declared with."""
+    for key, kind, words, fix in (
+        ("description", str, "text", 'description="…"'),
+        ("event", str, "text", 'event="…", what to report when it first becomes true'),
+        ("only", str, "text", 'only="…", the name of the ports that it takes'),
+        ("finite", bool, "True or False", "finite=False"),
+        ("output", bool, "True or False", "output=True"),
+    ):
+        given = getattr(variable, key, kind())
+        if not isinstance(given, kind):
+            yield f"the `{key}` of `{name}` is {given!r}, and not {words}", f"write {fix}"
+    if getattr(variable, "misnamed", False):
+        yield f"the parameter `{name}` has a `start`, which is for what changes along a run", "use default="
+    if variable.dtype.name not in TYPES or not variable.dtype.isnative:
+        yield f"`{name}` is of the type {variable.dtype}, which no engine computes with", f"use {', '.join(TYPES)}"
+    if said := _unit(variable.unit, variable.shape):
+        yield f"the unit of `{name}`: {said[0]}", said[1]
+
+
+def _unit(unit: Any, shape: tuple[Any, ...]) -> tuple[str, str] | None:
+    """What is wrong with the unit, or the units along the first axis, of a variable of a shape."""
+    parts = unit if isinstance(unit, tuple) else () if unit is None else (unit,)
+    if not all(isinstance(part, str) for part in parts):
+        what = f"{unit!r} is neither a text nor a tuple of texts"
+        return what, 'write such as unit="m/s", or unit=("m", "rad") for the elements of the first axis'
+    try:
+        for part in parts:
+            units.base(part)
+    except WrongUnit as error:
+        return error.message, error.fix or 'such as "m/s2", "kg.m2" or "1" for none'
+    if isinstance(unit, tuple):
+        size = shape[0] if shape else 1
+        if not shape:
+            return f"{unit!r} are units for several elements of a scalar", "write one unit, as a text"
+        if not unit or (isinstance(size, int) and len(unit) != size):
+            return f"{len(unit)} units for the {size} elements of the first axis", "write one for each, or one for all"
     return None
 
 

@@ -141,7 +141,7 @@ class Simulation:
         self._interpreted = kernels is None and not forked
         self._initialized = False
         self._texts = self._zeros(TEXT_BYTES)
-        self._causes: list[Exception] = []
+        self._causes: list[BaseException] = []
         self._keep: list[Any] = []
         if kernels is None:
             functions = [next(_handles) for _ in table.calls]
@@ -385,7 +385,7 @@ def _forget(handles: list[int]) -> None:
 
 
 def _interpreted(
-    arena: np.ndarray, call: Call, compiled: bool, texts: np.ndarray, causes: list[Exception]
+    arena: np.ndarray, call: Call, compiled: bool, texts: np.ndarray, causes: list[BaseException]
 ) -> Callable[[float], int]:
     """The call as plain Python: the author's function over views of the arena, for each instance.
 
@@ -405,7 +405,7 @@ def _interpreted(
             with np.errstate(all="ignore"):
                 for instance in range(call.count):
                     python(*[np.float64(time) if a is None else a[instance]() for a in arguments])
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # an exit would be lost in what calls this, and the run go on
             faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
             causes.append(error)
             return engine.ERROR

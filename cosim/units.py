@@ -89,6 +89,14 @@ _EXACT = {
     "ft": _unit(0.3048, m=1),
     "lb": _unit(0.45359237, kg=1),
 }
+#: Words that people write for a symbol; also with an s at the end.
+_WORDS = {
+    **{"metre": "m", "meter": "m", "second": "s", "sec": "s", "minute": "min", "hour": "h", "hr": "h", "day": "d"},
+    **{"gram": "g", "kilogram": "kg", "kilo": "kg", "tonne": "t", "ton": "t", "litre": "l", "liter": "l"},
+    **{"radian": "rad", "degree": "deg", "revolution": "rev", "newton": "N", "pascal": "Pa", "joule": "J"},
+    **{"watt": "W", "volt": "V", "ampere": "A", "amp": "A", "hertz": "Hz", "kelvin": "K", "celsius": "degC"},
+    **{"inch": "in", "foot": "ft", "feet": "ft", "percent": "%", "none": "1"},
+}
 _TOKEN = re.compile(
     r"\s*(?:(?P<symbol>[^\W\d_]+|[°%][^\W\d_]*|1(?![0-9]))(?:(?:\^|\*\*)?(?P<power>[-+]?[0-9]{1,2}))?|(?P<sign>[*./·()]))\s*"
 )
@@ -179,6 +187,8 @@ def _symbol(symbol: str, text: str) -> BaseUnit:
     if unit := _known(symbol):
         return unit
     product = next((f"{symbol[:k]}.{symbol[k:]}" for k in range(1, len(symbol)) if _is_product(symbol, k)), None)
+    word = symbol.lower()
+    product = _WORDS.get(word) or _WORDS.get(word.removesuffix("s")) or product
     known = f"did you mean `{product}`?" if product else nearest(symbol, [*_EXACT, *_PREFIXED, "kg", "mm", "km"])
     raise WrongUnit(f"unknown unit `{symbol}` in `{text}`", fix=known)
 

@@ -332,6 +332,12 @@ class _Wiring:
         here = slave.declaration.variables[port]
         there = self.slaves[source.slave].declaration.variables[source.variable]
         position = slave.entry.inputs[port].position
+        only = getattr(here, "only", "")
+        if only and source.variable != only:
+            message = f"block {slave.name}: input `{port}` takes ports called `{only}` and nothing else, not {source}"
+            taps = {n: s.declaration.variables.get(only) for n, s in self.slaves.items()}
+            wanted = [f"{n}.{only}" for n, variable in taps.items() if variable and variable.causality != "input"]
+            raise NotWirable(message, position, f"wire {' or '.join(wanted) or f'a port of the name `{only}`'}")
         taken, given = self._unit_here(slave, port, source, at), self._unit_there(source)
         if not units.same(taken, given):
             message = f"block {slave.name}: input `{port}` is in {_unit(taken)}, but {source} is in {_unit(given)}"

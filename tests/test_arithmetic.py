@@ -251,6 +251,14 @@ def test_what_has_no_answer_is_an_error_in_both_engines(told, engine, statement)
     assert f"own.py:{LINE})" in said or "big" in statement or "jitted" in statement
 
 
+@pytest.mark.parametrize("size", ["2.0", "two[1]", "zero"])
+def test_a_real_number_is_no_range_in_either_engine(told, size):
+    statement = f"for q in range({size}): r[q] = zero"
+    code, said = told(statement, "native")
+    assert code == 2 and re.search(rf"own\.py:{LINE}:\d+: error: .*range\(\) of a real number", said), said
+    assert told(statement, "python")[0] == 1
+
+
 @pytest.mark.parametrize("statement", REFUSED)
 def test_what_the_engines_cannot_share_is_refused_with_its_line(told, statement):
     code, said = told(statement, "native")

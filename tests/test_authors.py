@@ -25,6 +25,7 @@ import numpy as np
 
 from cosim import Block, CalculatedParameter, Dimension, Input, Local, Output, Parameter, State, rule
 
+FEW = 1
 LOG = [0.0]
 TABLE = (1.0, 2.0)
 
@@ -302,7 +303,67 @@ UNWRITTEN = {
     "read first as a whole": (outputs("u, w, y", W, "y += u  #!"), "reads `y` before it is written", ""),
     "read first to the left": (outputs("u, w, y", W, "y[:] = y * u  #!"), "reads `y` before it is written", ""),
     "read first to the right": (outputs("u, w, y", W, "y[:] = u * y  #!"), "reads `y` before it is written", ""),
+    "read first, written out": (
+        outputs("u, w, y", W, "for q in range(y.size):", "    y[q] = y[q] + u[q]  #!"),
+        "reads `y` before it is written, when it holds what an earlier call left",
+        r"y\[q\] = 0.0",
+    ),
+    "read first from the element before": (
+        outputs("u, w, y", W, "for q in range(len(y)):", "    y[q] = u[q] + 2.0 * y[q - 1]  #!"),
+        "reads `y` before it is written",
+        "",
+    ),
+    "read first in a while": (
+        outputs("u, w, y", W, "q = 0", "while q < y.size:", "    y[q] = abs(y[q]) + u[q]  #!", "    q += 1"),
+        "reads `y` before it is written",
+        "",
+    ),
     "read first by a helper": (outputs("u, w, y", W, "add_to(y, 1.0)  #!"), "reads `y` before it is written", ""),
+}
+# loop: the element that it leaves out, and the fix
+LEFT_OUT = {
+    "for q in range(1, u.size):": (r"y\[0\]", r"range\(y.size\), or write y\[0\] too"),
+    "for q in range(2, len(y)):": (r"y\[0\]", "too"),
+    "for q in range(u.size - 1):": (r"y\[-1\]", "too"),
+    "for q in range(len(y) - 1):": (r"y\[-1\]", "too"),
+    "for q in range(u.shape[0] - 2):": (r"y\[-1\]", "too"),
+    "for q in range(0, p.size - 1):": (r"y\[-1\]", "too"),
+    "for q in range(0, y.size, 2):": (r"y\[1\]", "too"),
+    "for q in range(y.size - 1, 0, -1):": (r"y\[0\]", "too"),
+    "for q in range(y.size - 2, -1, -1):": (r"y\[-1\]", "too"),
+    "for q in range(FEW, y.size):": (r"y\[0\]", "too"),
+}
+for _loop, (_element, _fix) in LEFT_OUT.items():
+    _words = f"may leave `y` unwritten: {_element}, which this loop does not reach"
+    UNWRITTEN[_loop] = outputs("u, p, s, w, y", W, f"{_loop}  #!", "    y[q] = s"), _words, _fix
+UNWRITTEN |= {
+    "all but the last, by a name": (
+        outputs("u, s, w, y", W, "n = u.size - 1", "for q in range(n):  #!", "    y[q] = s"),
+        r"y\[-1\], which",
+        "",
+    ),
+    "all but the first, twice": (
+        outputs("u, w, y", W, "for q in range(1, y.size):  #!", "    y[q] = 0.0", "    y[q] += u[q]"),
+        r"y\[0\], which",
+        "",
+    ),
+    "a fixed size": (
+        "def outputs_matrix(A, M):\n    rows, columns = A.shape\n    for i in range(rows):\n"
+        "        for j in range(columns - 1):  #!\n            M[i, j] = A[i, j]",
+        r"M\[:, 1\], which",
+        r"range\(M.shape\[1\]\)",
+    ),
+    "the elements of another size": (
+        "def outputs_matrix(A, M):\n    for i in range(FEW):  #!\n        for j in range(2):\n"
+        "            M[i, j] = A[i, j]",
+        r"M\[1\], which",
+        r"range\(M.shape\[0\]\)",
+    ),
+    "a derivative's first element": (
+        derivatives("for q in range(1, x.size):  #!", "    d_x[q] = u[q]"),
+        r"d_x\[0\], which",
+        "",
+    ),
 }
 SHARED = {
     "text": (outputs("time, w, y", W, 'fill(y, len(f"{time}"))  #!'), "formats text", "numbers"),
@@ -380,6 +441,33 @@ NAMES = {
     "twice": ("k = Parameter(default=2.0)  #!", "`k` is defined twice", "another name"),
     "a shape of no size": ("late = Input(0, start=1.0)  #!", "the shape of `late` has 0", "whole number|sizes"),
     "a shape that is a text": ("late = Input('2 n', start=1.0)  #!", "the shape of `late`", "sizes"),
+    "a unit that is none": (
+        "late = Input('n', unit='metre', start=1.0)  #!",
+        "`late`: unknown unit `metre`",
+        "`m`|such",
+    ),
+    "a broken unit": ("late = Input(unit='m//s', start=1.0)  #!", "`m//s` is not a unit", "such as"),
+    "a broken unit of many": ("late = Input(2, unit=('m', 'metre'), start=1.0)  #!", "unknown unit `metre`", ""),
+    "too many units": ("late = Input(2, unit=('m',) * 3, start=1.0)  #!", "3 units for the 2 elements", "one for each"),
+    "units of a scalar": ("late = Input(unit=('m', 'm'), start=1.0)  #!", "of a scalar", "one unit"),
+    "units of nothing": ("late = Input('n', unit=(), start=1.0)  #!", "0 units", "one for each"),
+    "a list of units": ("late = Input(2, unit=['m', 'm'], start=1.0)  #!", "neither a text nor a tuple", "unit="),
+    "a number for a unit": ("late = Input(unit=3, start=1.0)  #!", "3 is neither a text nor a tuple", "unit="),
+    "a number for a description": (
+        "late = Input(description=3, start=1.0)  #!",
+        "`description` of `late` is 3",
+        "text|…",
+    ),
+    "a text for a truth": ("late = Input(finite='no', start=1.0)  #!", "`finite` of `late` is 'no'", "finite=False"),
+    "a text for another truth": ("late = State(output='no')  #!", "`output` of `late` is 'no'", "output=True"),
+    "a truth for a text": ("late = Local(dtype=bool, event=True)  #!", "`event` of `late` is True", "event="),
+    "a start of a parameter": ("late = Parameter(start=2.0)  #!", "parameter `late` has a `start`", "use default="),
+    "complex numbers": ("late = Input(dtype=complex, start=1.0)  #!", "`late` is of the type complex128", "float64"),
+    "texts": ("late = Parameter(dtype=str)  #!", "`late` is of the type", "bool, int8, .*uint64, float32, float64"),
+    "objects": ("late = Parameter(dtype=object)  #!", "`late` is of the type object", "float64"),
+    "half a float": ("late = Input(dtype='float16', start=1.0)  #!", "`late` is of the type float16", "float64"),
+    "a long float": ("late = Input(dtype='longdouble', start=1.0)  #!", "`late` is of the type float128", "float64"),
+    "another byte order": ("late = Input(dtype='>f8', start=1.0)  #!", "`late` is of the type >f8", "float64"),
     "a shape with a fraction": ("late = Input(2.5, start=1.0)  #!", "the shape of `late` has 2.5", "sizes"),
 }
 FUNCTION_MISTAKES = {
@@ -472,6 +560,39 @@ CORRECT = {
         outputs("u, w, y", W, "for q in range(u.size):", "    if q == 0:", "        y[q] = u[q]", "    else:")
         + "\n            y[q] = y[q - 1] + u[q]",
     ),
+    "the first differs in an expression": (
+        outputs("u, w, y", W, "for q in range(u.size):", "    y[q] = u[q] if q == 0 else y[q - 1] + u[q]"),
+    ),
+    "every size of the same dimension": (
+        outputs("u, p, w, y", W, "n = p.shape[0]", "for q in range(n):", "    y[q] = u[q]"),
+    ),
+    "a constant that is the size": (
+        "def outputs_matrix(A, M):\n    for i in range(FEW + 1):\n        for j in range(2):\n"
+        "            M[i, j] = A[i, j]",
+    ),
+    "the last by itself": (
+        outputs("u, w, y", W, "for q in range(y.size - 1):", "    y[q] = u[q + 1]", "y[y.size - 1] = u[0]"),
+    ),
+    "the last by itself, from the end": (
+        outputs("u, w, y", W, "y[-1] = 0.0", "for q in range(y.size - 2, -1, -1):", "    y[q] = y[q + 1] + u[q]"),
+    ),
+    "the first inside the loop": (
+        outputs("u, w, y", W, "for q in range(1, y.size):", "    y[q] = u[q]", "    if q == 1:", "        y[0] = 0.0"),
+    ),
+    "even and odd": (
+        outputs("s, w, y", W, "for q in range(0, y.size, 2):", "    y[q] = s")
+        + "\n    for q in range(1, y.size, 2):\n        y[q] = 0.0",
+    ),
+    "backwards": (outputs("s, w, y", W, "for q in range(y.size - 1, -1, -1):", "    y[q] = s"),),
+    "both triangles": (
+        "def outputs_matrix(A, M):\n    for i in range(2):\n        M[i, i] = A[i, i]\n"
+        "        for j in range(i + 1, 2):\n            M[i, j] = A[i, j]\n            M[j, i] = A[i, j]",
+    ),
+    "a shifted index": (outputs("s, w, y", W, "for q in range(1, y.size + 1):", "    y[q - 1] = s"),),
+    "a counter that is changed": (
+        outputs("s, w, y", W, "for q in range(1, y.size + 1):", "    q -= 1", "    y[q] = s"),
+    ),
+    "a size of its own": (outputs("s, w, y", W, "for q in range(int(s)):", "    y[q] = s"),),
     "a running sum": (
         outputs("u, w, y", W, "y[0] = u[0]", "for q in range(1, u.size):", "    y[q] = y[q - 1] + u[q]"),
     ),

@@ -109,12 +109,44 @@ def test_an_unknown_argument_is_named_with_the_nearest_variable():
     assert "`velocities`" in caught.value.fix
 
 
+@pytest.mark.parametrize("kind", ["float32", "int64", "bool"])
+def test_a_continuous_state_is_float64(kind):
+    """Integrators add to what a state holds: a narrower one would lose their increments without a word."""
+    with pytest.raises(DeclarationError, match=f"state `x` is {kind}: a continuous state is float64") as caught:
+
+        class Narrow(Block):
+            x = State(dtype=kind)
+
+            def derivatives(x, d_x):
+                d_x[0] = 1.0
+
+    assert caught.value.position.file.endswith("test_block.py") and "next_x" in caught.value.fix
+
+    class Sampled(Block):
+        x = State(dtype=kind)
+
+        def update(x, next_x):
+            next_x[0] = x
+
+
 def test_everything_declared_is_computed_once():
     with pytest.raises(DeclarationError, match="state `x` needs"):
 
         class NoDerivative(Block):
             x = State()
 
+    with pytest.raises(DeclarationError, match="has derivatives and an update") as caught:
+
+        class Both(Block):
+            x = State()
+
+            def derivatives(x, d_x):
+                d_x[0] = x
+
+            def update(x, next_x):
+                next_x[0] = x
+
+    assert "remove d_x from derivatives() or next_x from update()" in caught.value.fix
     with pytest.raises(DeclarationError, match="no outputs"):
 
         class NoOutput(Block):

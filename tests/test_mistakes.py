@@ -180,6 +180,10 @@ RULES = {
     "observer.parameters.beta_1=1": "0.5 < beta_1 < 1",
     "potential_field.parameters.epsilon_2=4": "R_c",
     "potential_field.parameters.epsilon_1=1": "epsilon_1 > 1",
+    "topology.parameters.eta_1=0": "0 < eta_1 <= 1",
+    "topology.parameters.eta_2=-14": "eta_2 > 0 and eta_3 > 0 (eq. 44)",
+    "topology.parameters.eta_3=0": "eta_2 > 0 and eta_3 > 0 (eq. 44)",
+    "differentiator.parameters.eta=[6, 8, 0, 6]": "eta > 0",
     "topology.parameters.hears=[[2], [1], [4], [3], [6], [5]]": "strongly connected",
 }
 
@@ -190,6 +194,19 @@ def test_a_parameter_that_breaks_a_blocks_rule_is_refused(formation, capsys, set
     block = setting.partition(".")[0]
     assert code == 2 and f"block {block}: " in text and RULES[setting] in text and "fix:" in text
     assert f"--set blocks.{setting}" in text
+
+
+def test_no_radius_of_a_pair_is_negative(formation, capsys):
+    """0 is allowed: then a gap is the distance of the centres."""
+    path = formation.with_name("measured_pairs.yaml")
+    code, text = check(path, capsys, "--set", "blocks.pairs.parameters.radii=-0.1")
+    assert code == 2 and "block pairs: PairGaps requires radii >= 0" in text and "fix: change radii" in text
+
+
+def test_a_band_beyond_all_numbers_is_nobodys_mistake(formation, capsys):
+    """Theorem 2's regions are powers of 10, and 10^399 is no number: nobody can say, and no function is to blame."""
+    assert cli.main(["check", str(formation), "--set", "blocks.observer.parameters.c_v=400"]) == 0
+    assert re.search(r"open +observer: Theorem 2, .*K, at least, band by band: 294 < inf; ", capsys.readouterr().out)
 
 
 def test_a_renamed_block_is_one_mistake_with_its_new_name(formation, write, capsys):
@@ -274,6 +291,42 @@ def test_a_rule_that_cannot_be_judged_names_its_line(write, tmp_path, capsys, ki
         rf"diagram.yaml:3:3: error: block one: the {kind} `k is odd` of Odd cannot be judged: {words}", text
     )
     assert re.search(r"fix: correct its function at \S*own.py:5", text)
+
+
+EXITS = ["exit(0)", "quit()", "raise SystemExit", "sys.exit('enough')"]
+JUDGED = {"a rule": ("rule", "k"), "a condition": ("condition", "k"), "a condition along the run": ("condition", "y")}
+
+
+@pytest.mark.parametrize("leave", EXITS)
+@pytest.mark.parametrize("judged", JUDGED)
+def test_code_that_exits_is_a_mistake_at_its_line(write, tmp_path, monkeypatch, capsys, judged, leave):
+    kind, name = JUDGED[judged]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "import sys\nfrom cosim import Block, Output, Parameter, block\n"
+        "class Odd(Block):\n    k = Parameter(default=1.0)\n    y = Output()\n"
+        f"    @block.{kind}('it is odd')\n    def odd({name}):\n        {leave}\n"
+        "    def outputs(k, y):\n        y[0] = k\n"
+    )
+    write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
+    command = "run" if name == "y" else "check"
+    assert cli.main([command, "diagram.yaml", "--json"] if command == "run" else [command, "diagram.yaml"]) == 2
+    out, said = capsys.readouterr()
+    assert re.search(r"own.py:8:\d+: error: a block's code asks the whole program to end: SystemExit\(.*\)", said)
+    assert "fix: " in said and "Traceback" not in said
+    assert command == "check" or '"status": "failed"' in out
+
+
+def test_plain_python_that_exits_stops_the_run(write, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output\nclass Odd(Block, compiled=False):\n    y = Output()\n"
+        "    def outputs(time, y):\n        y[0] = time\n        if time > 0.5:\n            raise SystemExit(0)\n"
+    )
+    write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
+    for engine in ("native", "python"):
+        assert cli.main(["run", "diagram.yaml", "--engine", engine]) == 1
+        assert "block one: outputs() failed at t = 0.6 s: SystemExit: 0" in capsys.readouterr().err
 
 
 def test_without_code_no_python_file_is_run_and_the_rest_is_checked(write, tmp_path, capsys):

@@ -51,6 +51,13 @@ UNITS = [
 ]
 
 
+@pytest.mark.parametrize(("word", "symbol"), [("metre", "m"), ("Meters", "m"), ("degrees", "deg"), ("seconds", "s")])
+def test_a_word_for_a_unit_is_answered_with_its_symbol(word, symbol):
+    with pytest.raises(WrongUnit, match=f"unknown unit `{word}`") as caught:
+        base(f"{word}/s")
+    assert caught.value.fix == f"did you mean `{symbol}`?"
+
+
 @pytest.mark.parametrize(("text", "exponents", "factor"), UNITS)
 def test_base(text, exponents, factor):
     unit = base(text)

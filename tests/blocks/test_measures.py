@@ -8,7 +8,7 @@ import pytest
 
 from cosim import run
 from cosim.blocks import cell_grid
-from cosim.blocks.agreement import agrees
+from cosim.blocks.agreement import agrees, radii_agree
 from cosim.blocks.differentiator_errors import DifferentiatorErrors
 from cosim.blocks.edge_weights import EdgeWeights, edges_are_pairs
 from cosim.blocks.estimation_errors import EstimationErrors
@@ -18,7 +18,7 @@ from cosim.blocks.range_topology import RangeTopology
 from cosim.blocks.separation import Separation
 from cosim.blocks.topology_rate import TopologyRate
 from cosim.blocks.ultimate_bounds import UltimateBounds
-from cosim.errors import DiagramErrors
+from cosim.errors import CosimError, DiagramErrors
 from cosim.rules import Source
 
 DIAGRAMS = Path(__file__).parents[2] / "diagrams"
@@ -239,6 +239,8 @@ def test_topology_rate_of_the_static_graph_and_of_robots_in_one_place():
     [
         ("topology_rate", "topology", {"eta_1": 0.1}),
         ("topology_rate", "topology", {"eta_2": 7}),
+        ("separation", "plant", {"radius": 0.25}),
+        ("potential_field", "plant", {"radius": [0.24, 0.30, 0.23, 0.31, 0.28, 0.26]}),
         ("formation", "controller", {"lambda_": 1}),
         ("formation", "controller", {"b": 1}),
         ("bounds", "controller", {"c": 1}),
@@ -253,6 +255,43 @@ def test_a_measure_asks_for_the_parameters_of_what_it_measures(block, wired, giv
     with pytest.raises(DiagramErrors, match=f"block {block}: .* as the {wired} has") as caught:
         run.load(DIAGRAMS / diagram, settings)
     assert "there" in str(caught.value.errors[0].fix)
+
+
+@pytest.mark.parametrize(
+    ("port", "source"),
+    [
+        ("formation.inputs.s_hat", "controller.u"),
+        ("formation.inputs.s_hat", "controller.e_v"),
+        ("topology_rate.inputs.s_hat", "observer.w_hat"),
+        ("bounds.inputs.s_hat", "controller.e_x"),
+    ],
+)
+def test_s_hat_is_a_controllers_and_nothing_else(port, source):
+    """Else figures called S_hat were of something else, and conditions judged with gains that do not belong to it."""
+    diagram = "ultimate_bounds.yaml" if port.startswith("bounds") else "formation.yaml"
+    with pytest.raises(
+        CosimError, match=f"`s_hat` takes ports called `s_hat` and nothing else, not {source}"
+    ) as caught:
+        run.load(DIAGRAMS / diagram, [f"blocks.{port}={source}"])
+    assert "fix: wire controller.s_hat" in str(caught.value)
+
+
+def test_the_bounds_ask_for_the_graph_of_a_topology():
+    with pytest.raises(CosimError, match="`neighbours` takes ports called `neighbours` and nothing else"):
+        run.load(DIAGRAMS / "ultimate_bounds.yaml", ["blocks.bounds.inputs.neighbours=topology.count"])
+
+
+def test_radii_are_those_of_the_robots_whose_positions_are_known():
+    """One value may hold for all robots; a circle of references has a radius, but is no robot."""
+    shared = ["blocks.plant.parameters.radius=0.25"]
+    shared += [f"blocks.{block}.parameters.radii=0.25" for block in ("separation", "potential_field")]
+    assert run.load(DIAGRAMS / "formation.yaml", shared)
+    plant = Source("OmnidirectionalRobot", {"mass": np.ones(3), "radius": np.array([0.2, 0.3, 0.4])}, {}, 3)
+    assert radii_agree(plant, np.array([0.2, 0.3, 0.4]))[0]
+    assert radii_agree(plant, np.array([0.2, 0.3, 0.5])) == (False, "the radius of robot 3 is 0.4 m there")
+    for other in (None, Source("Fmu", {}), Source("CircularFormationReference", {"radius": np.ones(3)}, {}, 3)):
+        assert radii_agree(other, np.array([0.2, 0.3, 0.5]))[0]
+    assert radii_agree(plant, np.full(6, 0.2))[0]  # joined from several blocks, of which a rule knows the first
 
 
 def test_agreement_is_about_what_is_known():
