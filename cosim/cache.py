@@ -43,6 +43,7 @@ COMPILING = (
     "naming",
     "native",
     "shared_operations",
+    "units",
 )
 
 

@@ -304,9 +304,7 @@ class _Wiring:
     def _unit_here(self, slave: Slave, port: str, source: Signal, at: int) -> Unit:
         """The unit of what a source brings of an input, whose first axis several may fill one after the other."""
         variable, joined = slave.declaration.variables[port], len(slave.wires[port]) > 1
-        there = self.slaves[source.slave]
-        axes = there.signal_axes(there.declaration.variables[source.variable])
-        along = axes is not None and max(1, len(source.axes(axes))) == len(variable.shape)
+        along = max(1, *(self._rank(s) for s in slave.wires[port])) == len(variable.shape)
         if isinstance(variable.unit, tuple) and joined and along:
             return variable.unit[at : at + self._length(source)]
         return variable.unit
@@ -320,11 +318,18 @@ class _Wiring:
                         self.problems.attempt(self._check_wire, slave, port, source, at)
                         at += self._length(source)
 
+    def _left(self, source: Signal) -> tuple[Axis, ...]:
+        """The axes of what is taken of a variable; none where they are not known."""
+        there = self.slaves[source.slave]
+        axes = there.signal_axes(there.declaration.variables[source.variable]) if source.variable else None
+        return source.axes(axes) if axes else ()
+
+    def _rank(self, source: Signal) -> int:
+        return len(self._left(source))
+
     def _length(self, source: Signal) -> int:
         """How many members a source adds to those that are joined before it."""
-        there = self.slaves[source.slave]
-        axes = there.signal_axes(there.declaration.variables[source.variable])
-        left = source.axes(axes) if axes else ()
+        left = self._left(source)
         return left[0].size if left else 1
 
     def _check_wire(self, slave: Slave, port: str, source: Signal, at: int) -> None:
@@ -333,7 +338,7 @@ class _Wiring:
         there = self.slaves[source.slave].declaration.variables[source.variable]
         position = slave.entry.inputs[port].position
         only = getattr(here, "only", "")
-        if only and source.variable != only:
+        if only and source.variable.rpartition(".")[2] != only:  # an FMU's port may say whose it is
             message = f"block {slave.name}: input `{port}` takes ports called `{only}` and nothing else, not {source}"
             taps = {n: s.declaration.variables.get(only) for n, s in self.slaves.items()}
             wanted = [f"{n}.{only}" for n, variable in taps.items() if variable and variable.causality != "input"]

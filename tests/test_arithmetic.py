@@ -85,7 +85,7 @@ class Own(Block):
 REAL_SOURCES = {f"bits({e})" for e in REAL}
 SOURCES = [*(f"bits({e})" for e in REAL), *INTEGER]
 VALUES = {"n8": [-128, 127, 5, 0, -1], "w8": [0, 255, 7, 100], "i32": [-(2**31), 2**31 - 1, 65537], "p": [0, 1]}
-VALUES |= {"w64": [0, 2**63 - 1, 12], "f": [0.1, 3.5e38, -2.5, 16777216.0], "c": [0.5, -0.5, 1.5, 2.5, -7.9, 1e15]}
+VALUES |= {"w64": [0, 2**63 - 1, 12], "f": [0.1, 3.4e38, -2.5, 16777216.0], "c": [0.5, -0.5, 1.5, 2.5, -7.9, 1e15]}
 
 
 def run_both(folder, reals, trajectories):
