@@ -16,6 +16,10 @@ from typing import Any
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
+GRACE = 2.0
+"""Seconds that whatever is asked to end has for ending by itself."""
+
+
 class Interrupted(KeyboardInterrupt):
     """A signal wants the program to end; number: which."""
 
@@ -25,7 +29,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Interruption:
-    """Whether a signal has come, and which came first; further ones break through only where that is harmless."""
+    """Whether a signal has come, and which came first; where it is harmless, it breaks through if nobody heeds it."""
 
     def __init__(self) -> None:
         self.number = 0
@@ -33,8 +37,10 @@ class Interruption:
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         again, self.number = self.wanted, self.number or number
-        if again and self._harmless:
+        if self._harmless and again:
             raise Interrupted(self.number)
+        if self._harmless:
+            self._break_through_later()
 
     @property
     def wanted(self) -> bool:
@@ -48,12 +54,25 @@ class Interruption:
 
     @contextmanager
     def breakable(self) -> Iterator[None]:
-        """Inside, a second signal raises Interrupted at once: for what may never end, and loses nothing."""
-        self._harmless = True
-        try:
-            yield
-        finally:
-            self._harmless = False
+        """For what may never end, and loses nothing: a signal that is not heeded within GRACE, or a second one at once,
+        raises Interrupted. The first needs the main thread of a system with SIGALRM.
+        """
+        with _timer(self._break_through):
+            self._harmless = True
+            try:
+                if self.wanted:
+                    self._break_through_later()
+                yield
+            finally:
+                self._harmless = False
+
+    def _break_through_later(self) -> None:
+        if _has_timer():
+            signal.setitimer(signal.ITIMER_REAL, GRACE, GRACE)
+
+    def _break_through(self, number: int, frame: FrameType | None) -> None:
+        if self._harmless:
+            raise Interrupted(self.number)
 
 
 @contextmanager
@@ -81,6 +100,24 @@ def ignore() -> None:
     """From here on no signal counts: the program is ending anyhow, and cleans up."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+
+
+@contextmanager
+def _timer(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Inside, the system's timer calls `handler`; at the end it is off."""
+    if not _has_timer():
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _has_timer() -> bool:
+    return hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
 
 
 @contextmanager

@@ -21,12 +21,11 @@ from collections.abc import Callable, Hashable, Mapping
 from typing import Any, NoReturn
 
 from cosim import interruption
+from cosim.interruption import GRACE
 
 AVAILABLE = hasattr(os, "fork")
 GLANCE = 0.1
 """Seconds between two looks at whether a process still does something."""
-GRACE = 2.0
-"""Seconds that a process has for leaving by itself."""
 _CUT_OFF = 113  # exit code of a process whose pipe is gone
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of prctl(2)
 _SIGNALS = {"SIGSEGV": "segmentation fault", "SIGBUS": "bus error", "SIGABRT": "abort()", "SIGFPE": "arithmetic trap"}

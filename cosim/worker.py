@@ -8,7 +8,8 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Any
 
-from cosim.supervision import GLANCE, GRACE, Patience
+from cosim.interruption import GRACE
+from cosim.supervision import GLANCE, Patience
 
 
 class Abandoned(Exception):

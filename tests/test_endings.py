@@ -105,6 +105,33 @@ def test_a_second_signal_ends_a_block_that_does_not_return(run):
         assert result.attrs["status"] == "interrupted" and result["stuck.x"].tolist() == list(range(0, 160, 10))
 
 
+def test_one_signal_ends_a_block_that_does_not_return_after_a_while(run):
+    text = LONG.replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck}").replace("oscillator.x", "stuck.x")
+    process, output = run("--engine", "python", "--json", text=text)
+    while "stuck" not in process.stderr.readline():
+        pass
+    process.send_signal(signal.SIGTERM)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 143 and json.loads(out)["status"] == "interrupted"
+    with results.open_result(output) as result:
+        assert result.attrs["status"] == "interrupted" and len(result.times) > 0
+
+
+def test_a_signal_breaks_through_after_its_grace_however_often_it_is_swallowed(monkeypatch):
+    monkeypatch.setattr(interruption, "GRACE", 0.05)
+    swallowed = 0
+    with deferred() as interrupted, pytest.raises(Interrupted), interrupted.breakable():
+        os.kill(os.getpid(), signal.SIGTERM)
+        while True:
+            try:
+                time.sleep(60)
+            except Interrupted:
+                swallowed += 1
+                if swallowed == 2:
+                    raise
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
 def test_the_signal_is_named(run):
     process, _ = run()
     process.stderr.readline()
