@@ -430,6 +430,9 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
         elif name in continuous and declaration.variables[name].dtype != float:
             what = f"state `{name}` is {declaration.variables[name].dtype}: a continuous state is float64"
             said = what, f"leave out its dtype, or compute it as next_{name} in update()"
+        elif name in continuous and not declaration.variables[name].finite:
+            what = f"state `{name}` has finite=False: what is integrated is finite, or has diverged"
+            said = what, f"leave finite=False out, or compute it as next_{name} in update()"
         if said:
             place = naming.place_in(declaration.home, name)
             problems.add(DeclarationError(f"block {declaration.name}: {said[0]}", place, said[1]))

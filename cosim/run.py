@@ -319,7 +319,8 @@ def _warnings(network: Network) -> list[CosimError]:
 
 
 def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list[CosimError]]:
-    """Each metric's signal and reduction; and, where --stop or --step shortened the run, warnings of what stays empty.
+    """Each metric's signal and reduction; and warnings of what ends after the run, or stays empty as --stop or --step
+    shortened it.
 
     Raises: DiagramErrors with every MetricError.
     """
@@ -342,7 +343,7 @@ def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list
     if not shortened:
         problems.add(DiagramErrors(empty))
     problems.raise_if_any()
-    return found, empty if shortened else []
+    return found, [*(empty if shortened else ()), *_cut(network, found)]
 
 
 def _of_metric(metric: MetricEntry, error: MetricError) -> MetricError:
@@ -375,6 +376,21 @@ def _empty(diagram: Diagram, found: Mapping[str, tuple[Signal, Reduction]]) -> I
     if record and record.signals and record.period > run.stop * (1 + 1e-9):
         message = f"`record.period` of {record.period:g} s is longer than the run: only the start would be recorded"
         yield WrongValue(message, record.position, f"such as {run.stop:g}, the run's end, or less")
+
+
+def _cut(network: Network, found: Mapping[str, tuple[Signal, Reduction]]) -> Iterator[CosimError]:
+    """Warnings of windows that the run's end cuts, and of blocks that it gives no second sample."""
+    diagram, run = network.diagram, network.diagram.run
+    for name, (_, reduction) in found.items():
+        cut = reduction.stop is not None and reduction.stop > run.stop * (1 + reductions.WINDOW_TOLERANCE)
+        if cut and reduction.holds_sample(run.step, run.steps):
+            message = f"metric {name}: its window ({reduction}) ends after the run, at {run.stop:g} s"
+            yield MetricError(message, diagram.metrics[name].position, "leave `to` out, or let the run last as long")
+    for slave in network.slaves.values():
+        period = slave.entry.period
+        if period and float(period.value) > run.stop * (1 + 1e-9):
+            message = f"block {slave.name}: its period of {period.value:g} s is longer than the run: it is sampled once"
+            yield WrongValue(message, period.position, f"periods are in seconds; this run lasts {run.stop:g} s")
 
 
 def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:

@@ -109,6 +109,26 @@ def test_an_unknown_argument_is_named_with_the_nearest_variable():
     assert "`velocities`" in caught.value.fix
 
 
+def test_what_is_integrated_is_finite():
+    with pytest.raises(DeclarationError, match="state `x` has finite=False: what is integrated is finite") as caught:
+
+        class Wrong(Block):
+            x = State(finite=False)
+
+            def derivatives(x, d_x):
+                d_x[0] = -x
+
+    assert caught.value.position.file.endswith("test_block.py") and "next_x" in caught.value.fix
+
+    class Sampled(Block):
+        x = State(finite=False)
+
+        def update(x, next_x):
+            next_x[0] = 1.0 / x
+
+    assert not Sampled.declaration.mistakes
+
+
 @pytest.mark.parametrize("kind", ["float32", "int64", "bool"])
 def test_a_continuous_state_is_float64(kind):
     """Integrators add to what a state holds: a narrower one would lose their increments without a word."""

@@ -53,6 +53,26 @@ def test_all_that_stays_empty_is_told_at_once_and_only_warned_of_where_the_comma
     assert [w.position.line for w in outcome.warnings] == [7, 5]
 
 
+def test_what_the_end_of_the_run_cuts_off_is_warned_of(wired):
+    """A figure named `max, 2-60 s` of a run of 3 s would say more than it knows."""
+
+    def warned(text, *settings):
+        return [(w.position.line, w.message) for w in Run(wired(text, *settings)).execute().warnings]
+
+    text = TIMER.replace("max", "max, from: 2, to: 60")
+    assert warned(text) == [(7, "metric m: its window (max, 2–60 s) ends after the run, at 3 s")]
+    assert warned(text, "run.stop=60") == []
+    assert [line for line, _ in warned(text, "run.stop=1")] == [7]
+    assert warned(TIMER.replace("max", "max, to: 3")) == []
+
+
+def test_a_period_that_the_run_does_not_last_is_warned_of(wired):
+    text = TIMER.replace("clock: {", "clock: {period: 1000, ", 1)
+    (warning,) = Run(wired(text)).execute().warnings
+    assert "block clock: its period of 1000 s is longer than the run" in warning.message and warning.position.line == 4
+    assert not Run(wired(text.replace("1000", "3"))).execute().warnings
+
+
 def test_final_is_the_last_value_in_its_window(wired):
     for window, value in (("", 3.0), (", to: 3", 3.0), (", to: 2", 2.0), (", from: 1, to: 2.005", 2.0)):
         assert Run(wired(TIMER.replace("max", f"final{window}"))).execute().metrics["m"] == pytest.approx(value)
