@@ -23,6 +23,8 @@ from numba.extending import intrinsic
 from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
 
+from cosim.shared_operations import SHARED_MATH
+
 WORD, REAL = ir.IntType(64), ir.DoubleType()
 REPEATED = 0x10000  # the largest exponent for which numba multiplies
 
@@ -33,64 +35,10 @@ _UFUNCS = (
 _SCALARS = (
     "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp expm1 log log2 log10 log1p"
 )
+_BUILTINS = "abs min max range len int float bool round enumerate zip divmod isinstance tuple slice"
 _ALLOWED: dict[Any, set[str]] = {
-    builtins: set(
-        [
-            "abs",
-            "min",
-            "max",
-            "range",
-            "len",
-            "int",
-            "float",
-            "bool",
-            "round",
-            "enumerate",
-            "zip",
-            "divmod",
-            "isinstance",
-            "tuple",
-            "slice",
-        ]
-    ),
-    math: set(
-        [
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "sinh",
-            "cosh",
-            "tanh",
-            "asinh",
-            "acosh",
-            "atanh",
-            "exp",
-            "expm1",
-            "log",
-            "log2",
-            "log10",
-            "log1p",
-            "sqrt",
-            "fabs",
-            "erf",
-            "erfc",
-            "atan2",
-            "pow",
-            "fmod",
-            "copysign",
-            "gamma",
-            "lgamma",
-            "floor",
-            "ceil",
-            "trunc",
-            "isnan",
-            "isinf",
-            "isfinite",
-        ]
-    ),
+    builtins: set(_BUILTINS.split()),
+    math: set(SHARED_MATH),
     np: {"float64", "int64", "bool_", "isnan", "isinf", "isfinite", *_UFUNCS.split(), *_SCALARS.split()},
 }
 _KNOWN = {id(getattr(module, name)) for module, names in _ALLOWED.items() for name in names}

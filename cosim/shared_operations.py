@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import builtins
-import math
 import types
 from collections.abc import Iterator
 from typing import Any
@@ -31,6 +30,27 @@ _SHARED = (
     "copyto fill_diagonal argmin argmax amin amax min max"
 )
 SHARED_NUMPY = frozenset(getattr(np, name) for name in _SHARED.split())
+_SHARED_MATH = (
+    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log2 log10 log1p sqrt pow fabs "
+    "erf erfc copysign floor ceil trunc isnan isinf isfinite"
+)
+SHARED_MATH = frozenset(_SHARED_MATH.split())
+#: What to write for other functions of `math`.
+_INSTEAD = {
+    "hypot": "math.sqrt(a * a + b * b)",
+    "dist": "math.sqrt() of the sum of squares",
+    "fmod": "a % b, which has the sign of b",
+    "mod": "a % b, which has the sign of b",
+    "remainder": "a % b, which has the sign of b",
+    "cbrt": "math.copysign(abs(a) ** (1.0 / 3.0), a)",
+    "exp2": "2.0**a",
+    "rad2deg": "a * (180.0 / math.pi)",
+    "deg2rad": "a * (math.pi / 180.0)",
+    "degrees": "a * (180.0 / math.pi)",
+    "radians": "a * (math.pi / 180.0)",
+    "isclose": "abs(a - b) < 1e-9",
+    "isqrt": "int(math.sqrt(a))",
+}
 _MAKING = (
     "zeros ones empty full zeros_like ones_like empty_like full_like array arange linspace eye identity concatenate "
     "stack vstack hstack where clip outer cross diag sort argsort copy tile repeat roll flip"
@@ -191,6 +211,8 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
             f"calls `{name}()`, which compiled code does not have as Python has it",
             "compute with numbers and `math`",
         )
+    if module == "math":
+        return _of_math(value.__name__, name)
     if (
         not (module.startswith("numpy") or isinstance(value, np.ufunc))
         or _is_type(value)
@@ -205,23 +227,28 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
     if _is_in(value, MAKING_NUMPY):
         return _makes(f"{name}()")
     twin = _TWINS.get(short, short)
-    if hasattr(math, twin) and twin != "hypot":
+    if twin in SHARED_MATH:
         return f"calls `{name}`, whose last bit differs between the two engines", f"use math.{twin}"
     if isinstance(value, np.ufunc):
-        return f"calls `{name}`, whose last bit may differ between the two engines", "write it with `math`"
+        fix = f"write {_INSTEAD[twin]}" if twin in _INSTEAD else "write it with `math`"
+        return f"calls `{name}`, whose last bit may differ between the two engines", fix
     if short in ADDING | {"norm", "average", "einsum", "matmul", "vdot", "inner"}:
         return _adds(f"{name}()")
     return f"calls `{name}()`, which the two engines do not have alike", "write it as a loop, with numbers and `math`"
+
+
+def _of_math(function: str, name: str) -> tuple[str, str] | None:
+    if function in SHARED_MATH:
+        return None
+    instead = _INSTEAD.get(function)
+    what = f"calls `{name}()`, which the two engines do not have alike"
+    return what, f"write {instead}" if instead else "write it as a loop, with numbers and other functions of `math`"
 
 
 _TWINS = {"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "power": "pow"} | {
     "arcsinh": "asinh",
     "arccosh": "acosh",
     "arctanh": "atanh",
-    "mod": "fmod",
-    "remainder": "fmod",
-    "sum": "",
-    "prod": "",
 }
 
 

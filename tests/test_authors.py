@@ -623,7 +623,7 @@ CORRECT = {
     "a tuple": (outputs("s, w, y", W, "a = (s, 2.0 * s)", "fill(y, a[1])"),),
     "a constant of the module": (outputs("s, w, y", W, "fill(y, TABLE[1] * s)"),),
     "exact functions of numpy": (outputs("s, w, y", W, "fill(y, np.sqrt(np.abs(s)) + np.floor(s) + np.pi)"),),
-    "functions of math": (outputs("s, w, y", W, "fill(y, math.tanh(s) + math.hypot(s, 1.0) + math.inf)"),),
+    "functions of math": (outputs("s, w, y", W, "fill(y, math.tanh(s) + math.atan2(s, 1.0) + math.inf)"),),
     "types of numpy": (outputs("s, w, y", W, "fill(y, np.float64(np.int32(s)))"),),
     "annotations": (outputs("s: float, w, y: list[float]", W, "a: dict = s", "fill(y, a)"),),
     "a docstring with words": (outputs("s, w, y", '"""Return `y = print(x)`."""', W, Y),),
