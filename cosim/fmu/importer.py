@@ -24,7 +24,7 @@ from typing import Any
 from cosim import supervision
 from cosim.block import Block, Declaration, Function, Input, Local, Output, Parameter, State, Variable, condition
 from cosim.entry import BlockEntry
-from cosim.errors import FmuError, Position, UnknownPort, nearest
+from cosim.errors import FmuError, Position, UnknownPort, WrongValue, nearest
 from cosim.fmu import adapter, archive, layout
 from cosim.fmu.ports import Port
 from cosim.fmu.ports import ports as read_ports
@@ -150,15 +150,24 @@ def _mode(entry: BlockEntry, description: Any) -> str:
 
 
 def _renamed(ports: dict[str, Port], entry: BlockEntry) -> dict[str, Port]:
-    """The ports under the names that `ports:` gives them. Raises: UnknownPort."""
-    names = {}
+    """The ports under the names that `ports:` gives them. Raises: UnknownPort, WrongValue for names that collide."""
+    names: dict[str, str] = {}
     for ours, node in entry.ports.items():
         if node.value not in ports:
             if node.inherited:  # written for another FMU
                 continue
             message = f"block {entry.name}: `{entry.path.name}` has no variable `{node.value}`"
             raise UnknownPort(message, node.position, nearest(node.value, ports))
+        if node.value in names:
+            message = f"block {entry.name}: `{names[node.value]}` and `{ours}` name one variable, `{node.value}`"
+            raise WrongValue(message, node.position, "leave one of them out; wires go to as many ports as they like")
         names[node.value] = ours
+    for theirs, ours in names.items():
+        if ours in ports and ours not in names:
+            message = (
+                f"block {entry.name}: `{ours}` is to name `{theirs}`, but the FMU has a variable `{ours}` of its own"
+            )
+            raise WrongValue(message, entry.ports[ours].position, f"choose another name, or rename `{ours}` too")
     return {names.get(name, name): port for name, port in ports.items()}
 
 

@@ -10,7 +10,7 @@ import pytest
 from cosim import run
 from cosim.block import Input, Local, Output, Parameter, State
 from cosim.entry import BlockEntry
-from cosim.errors import DiagramErrors, FmuError, Position, UnknownPort
+from cosim.errors import DiagramErrors, FmuError, Position, UnknownPort, WrongValue
 from cosim.fmu import importer, inspect
 from cosim.source import Node
 from tests.fmu import machine
@@ -117,6 +117,16 @@ def test_ports_gives_our_names(described):
     assert d.variables["u"].shape == (2,)
     with pytest.raises(UnknownPort, match=r"has no variable `qq`\n.*did you mean `q`"):
         declared(path, ports={"x": "qq"})
+
+
+def test_names_of_ports_do_not_collide(described):
+    """Either would leave a variable without a name, and its wires at another."""
+    path = described(("u", "Real", "input", 'start="0"'), ("v", "Real", "input", 'start="0"'))
+    assert list(declared(path, ports={"v": "u", "u": "v"}).variables) == ["v", "u"]
+    with pytest.raises(WrongValue, match="`a` and `b` name one variable, `u`"):
+        declared(path, ports={"a": "u", "b": "u"})
+    with pytest.raises(WrongValue, match="`v` is to name `u`, but the FMU has a variable `v` of its own"):
+        declared(path, ports={"v": "u"})
 
 
 def test_a_unit_that_we_cannot_read_is_no_unit(described):
