@@ -288,7 +288,13 @@ class _Wiring:
             if value is not None:
                 array = self.problems.attempt(_array, slave, variable, value, self.diagram.fleets)
                 if array is not None:
+                    self._check_start(slave, variable, value, array)
                     slave.values[variable.name] = array
+
+    def _check_start(self, slave: Slave, variable: Variable, value: Value, array: np.ndarray) -> None:
+        if isinstance(variable, State) and variable.finite and array.dtype.kind == "f" and not np.isfinite(array).all():
+            message = f"block {slave.name}: state `{variable.name}` starts as {array[~np.isfinite(array)][0]}"
+            self.problems.add(WrongValue(message, value.position, "give a number below 1e100"))
 
     # ---- checks ----
 

@@ -200,3 +200,11 @@ def test_a_closed_simulation_may_begin_anew(wired):
         one.initialize()
         one.close()
         assert one.value(Signal("o", "x")) == start
+
+
+@pytest.mark.parametrize("start", [".inf", "-.inf"])
+def test_an_infinite_start_is_refused_at_its_line(wired, start):
+    """At time zero some output of another block would be found to be infinite, and blamed."""
+    with pytest.raises(DiagramErrors, match=f"block lag: state `x` starts as {start.replace('.', '')}") as caught:
+        wired(FLEET.replace('[0.5, "i"]', f"[0.5, {start}]"))
+    assert caught.value.errors[0].position.line == 6

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import Any
 
-from cosim.errors import FmuError
+from cosim.errors import FmuError, Position
 from cosim.fmu import archive
 from cosim.fmu.trace import Trace
 
@@ -15,9 +15,10 @@ from cosim.fmu.trace import Trace
 class Library:
     """The shared library of an FMU, and the addresses of its functions."""
 
-    def __init__(self, fmu: Any, trace: Trace) -> None:
-        """trace: where the names of functions are noted. Raises: FmuError."""
+    def __init__(self, fmu: Any, trace: Trace, place: Position) -> None:
+        """trace: where the names of functions are noted; place: of the FMU in the diagram. Raises: FmuError."""
         self._trace = trace
+        self._place = place
         self._addresses: dict[str, int] = {}
         self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
         self.prefix = f"fmi{fmu.version}"
@@ -25,7 +26,9 @@ class Library:
             with trace.calling(0, 0):
                 self._handle = self._load()
         except OSError as error:
-            raise FmuError(f"`{fmu.name}`: its binary cannot be loaded: {error}") from None
+            why = str(error).replace(str(self.path), self.path.relative_to(fmu.folder).as_posix())
+            fix = f"export it again for this platform ({self.path.parent.name})"
+            raise FmuError(f"`{fmu.name}`: its binary cannot be loaded: {why}", place, fix) from None
 
     def _load(self) -> ctypes.CDLL:
         if sys.platform != "win32":
@@ -38,7 +41,7 @@ class Library:
         address = self.find(name)
         if not address:
             message = f"`{self.path.name}` has no function {self.prefix}{name}"
-            raise FmuError(message, fix="export the FMU again")
+            raise FmuError(message, self._place, "export the FMU again")
         return address
 
     def find(self, name: str) -> int:

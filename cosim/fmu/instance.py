@@ -99,7 +99,7 @@ class Instances:
 
         Raises: FmuError, TooManyInstances, SlaveFailed, WrongValue.
         """
-        self.library = Library(self.fmu, self.trace)
+        self.library = Library(self.fmu, self.trace, self.slave.entry.type.position)
         self._alone = own()
         self.link[layout.ALONE] = self._alone.ctypes.data
         self.link[layout.LEAVE] = _c_function("_exit")

@@ -242,7 +242,10 @@ def test_the_library_is_refused_at_run_time_if_it_is_none(tmp_path, partners):
             sink.writestr(name, b"no library" if name.endswith(".so") else source.read(name))
     outcome = run.Run(run.load(partners(f"run: {{stop: 1, step: 0.1}}\nblocks: {{plant: {{fmu: {bad}}}}}"))).execute()
     assert isinstance(outcome.error, FmuError)
-    assert "its binary cannot be loaded" in str(outcome.error)
+    assert "`bad.fmu`: its binary cannot be loaded: binaries/" in outcome.error.message
+    assert str(tmp_path / "bad") not in outcome.error.message
+    assert (outcome.error.position.line, outcome.error.position.column) == (2, 23)
+    assert "export it again for this platform" in outcome.error.fix
 
 
 def test_inspection_shows_what_a_person_asks_for(machines):
