@@ -12,8 +12,9 @@ from importlib import import_module
 from pathlib import Path
 
 from cosim import interruption, streams
-from cosim.errors import CosimError, Position
+from cosim.errors import CosimError, Position, UsageError
 from cosim.exits import BAD_INPUT, BY_SIGNAL, DONE, MEANINGS, STOPPED
+from cosim.usage import Parser
 
 COMMANDS = {
     "run": "run a diagram and print its metrics",
@@ -47,14 +48,17 @@ def _run(words: list[str], began: float) -> int:
             with interruption.deferred() as interrupted:  # an import that is broken off may leave anything
                 parser = _parser(words)
             interrupted.raise_if_wanted()
-            options = parser.parse_args(words)
+            try:
+                options = parser.parse_args(words)
+            except UsageError as error:
+                return _failed(error, {}, "--json" in words)
             options.began = began
             return _command(options, heard)
     except KeyboardInterrupt as stopped:
         number = stopped.number if isinstance(stopped, interruption.Interrupted) else signal.SIGINT
         print(f"interrupted by {signal.Signals(number).name}", file=sys.stderr)
         return BY_SIGNAL + number
-    except SystemExit as leaving:  # the parser has said why
+    except SystemExit as leaving:  # of --help
         return leaving.code if isinstance(leaving.code, int) else DONE
 
 
@@ -71,12 +75,16 @@ def _command(options: argparse.Namespace, heard: interruption.Interruption) -> i
     except MemoryError:
         wrong = CosimError("there is not enough memory", fix="run fewer members or steps at a time, or record less")
     heard.raise_if_wanted()  # Python wraps what is raised in some calls, and an import may translate it
-    if getattr(options, "json", False):
-        print(json.dumps({**_subject(options), "status": "failed", "error": str(wrong)}, ensure_ascii=False))
+    return _failed(wrong, _subject(options), getattr(options, "json", False))
+
+
+def _failed(error: CosimError, subject: dict[str, str], in_json: bool) -> int:
+    if in_json:
+        print(json.dumps({**subject, "status": "failed", "error": str(error)}, ensure_ascii=False))
     sys.stdout.flush()
     from cosim import terminal
 
-    terminal.print_errors(wrong)
+    terminal.print_errors(error)
     return BAD_INPUT
 
 
@@ -102,7 +110,7 @@ def _subject(options: argparse.Namespace) -> dict[str, str]:
 
 def _parser(words: list[str]) -> argparse.ArgumentParser:
     """The parser; only the command that is wanted is imported."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="cosim",
         description="Co-simulation of block diagrams written in YAML.",
         epilog=MEANINGS,

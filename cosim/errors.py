@@ -207,6 +207,10 @@ class Diverged(CosimError):
     """A state became NaN or infinite."""
 
 
+class UsageError(CosimError):
+    """A command line that asks for what there is not."""
+
+
 class ResultError(CosimError):
     """A result file that cannot be written or read."""
 

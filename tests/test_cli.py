@@ -249,3 +249,26 @@ def test_what_an_export_would_not_use_is_refused(cosim, write, words, message):
     text = SMALL.replace("record:", "  swing: {type: Oscillator, parameters: {w: 2}}\nrecord:")
     code, _, err = cosim("export", write(text), *words)
     assert code == 2 and message in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "fix"),
+    [
+        ("", "cosim: COMMAND is missing", "cosim --help"),
+        ("plt x.nc", "cosim: COMMAND cannot be `plt`", "did you mean `plot`?"),
+        ("run", "cosim run: diagram is missing", "cosim run [-h] [--set a.b.c=VALUE]"),
+        ("run a.yaml --stopp 1", "cosim run: there is no option `--stopp`", "did you mean `--stop`?"),
+        ("run a.yaml --stopp=1", "cosim run: there is no option `--stopp`", "did you mean `--stop`?"),
+        ("run a.yaml b.yaml", "cosim run: `b.yaml` is one argument too many", "cosim run --help"),
+        ("run a.yaml --engine pythn", "cosim run: --engine cannot be `pythn`", "did you mean `python`?"),
+        ("run a.yaml --stop", "cosim run: --stop: expected one argument", "cosim run --help"),
+        ("compare a b --tolerance much", "cosim compare: --tolerance: `much` is no tolerance", "cosim compare --help"),
+    ],
+)
+def test_a_mistake_in_the_command_line_is_an_error_as_all_others_are(capsys, words, message, fix):
+    assert cli.main(words.split()) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.startswith(f"error: {message}\n    fix: ") and fix in said.err
+    assert cli.main([*words.split(), "--json"]) == 2
+    if words.startswith("run"):
+        assert message in json.loads(capsys.readouterr().out)["error"]
