@@ -12,9 +12,11 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from contextlib import contextmanager
 from functools import lru_cache
 from multiprocessing import get_context
+from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
 from typing import Any
 
+from cosim import interruption
 from cosim.errors import ClusterError
 from cosim.study import description, member
 from cosim.study.member import Row
@@ -38,10 +40,31 @@ def threads(count: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def processes(count: int) -> Iterator[Executor]:
-    """Processes of their own, for blocks that a process can have only once."""
-    with _ending(ProcessPoolExecutor(count, get_context("spawn"))) as executor:
+def processes(count: int, stop: SharedEvent) -> Iterator[Executor]:
+    """Processes of their own, for blocks that a process can have only once. stop: a shared mark, which ends runs."""
+    with _ending(ProcessPoolExecutor(count, _CONTEXT, _begin, (stop,))) as executor:
         yield executor
+
+
+def shared_event() -> SharedEvent:
+    """A mark that other processes see."""
+    return _CONTEXT.Event()
+
+
+_CONTEXT = get_context("spawn")
+_stop: SharedEvent | None = None  # of a process among `processes`
+
+
+def _begin(stop: SharedEvent) -> None:
+    """In a new process: signals are the first one's affair, which tells the others by the mark."""
+    global _stop
+    _stop = stop
+    interruption.ignore()
+
+
+def _watch(time: float) -> None:
+    if _stop is not None and _stop.is_set():
+        raise KeyboardInterrupt
 
 
 @contextmanager
@@ -103,7 +126,7 @@ def run_elsewhere(path: str, settings: tuple[str, ...], chosen: Member, file: Pa
         _variants.cache_clear()
         variants = _variants(path, settings)
         prepared = variants.prepared(chosen)
-    return member.run(variants, chosen, file, lambda time: None, prepared)
+    return member.run(variants, chosen, file, _watch, prepared)
 
 
 @lru_cache(maxsize=4)

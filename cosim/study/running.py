@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -125,32 +126,33 @@ def member_file(folder: Path, chosen: Member) -> Path:
 
 
 def _run(results: Results, options: Options) -> None:
-    stop = threading.Event()
+    count = min(options.threads or executors.processors(), results.total)
+    if options.cluster:
+        with executors.cluster(options.cluster) as (executor, workers):
+            submit = partial(_run_elsewhere, executor, results.study, options)
+            _collect(results, options, submit, WINDOW * workers, executor, threading.Event())
+    elif results.variants.shareable():
+        with executors.threads(count) as executor:
+            stop = threading.Event()
+            _collect(results, options, partial(_run_here, executor, results, stop), WINDOW * count, executor, stop)
+    else:
+        shared = executors.shared_event()
+        with executors.processes(count, shared) as executor:
+            submit = partial(_run_elsewhere, executor, results.study, options)
+            _collect(results, options, submit, WINDOW * count, executor, shared)
 
+
+def _run_here(executor: Executor, results: Results, stop: threading.Event, job: Job) -> Future[Row]:
     def watch(time: float) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
 
-    def here(job: Job) -> Future[Row]:
-        return executor.submit(_run_here, results.variants, job, watch)
-
-    def elsewhere(job: Job) -> Future[Row]:
-        arguments = (str(results.study.path.resolve()), options.settings, job.member, job.file, job.key)
-        return executor.submit(executors.run_elsewhere, *arguments)
-
-    executor: Executor
-    if options.cluster:
-        with executors.cluster(options.cluster) as (executor, count):
-            _collect(results, options, elsewhere, WINDOW * count, executor, stop)
-        return
-    count = min(options.threads or executors.processors(), results.total)
-    shared = results.variants.shareable()
-    with (executors.threads if shared else executors.processes)(count) as executor:
-        _collect(results, options, here if shared else elsewhere, WINDOW * count, executor, stop)
+    return executor.submit(member.run, results.variants, job.member, job.file, watch, job.prepared)
 
 
-def _run_here(variants: Variants, job: Job, watch: Callable[[float], None]) -> Row:
-    return member.run(variants, job.member, job.file, watch, job.prepared)
+def _run_elsewhere(executor: Executor, study: Study, options: Options, job: Job) -> Future[Row]:
+    arguments = (str(study.path.resolve()), options.settings, job.member, job.file, job.key)
+    return executor.submit(executors.run_elsewhere, *arguments)
 
 
 def _collect(
@@ -159,9 +161,9 @@ def _collect(
     submit: Callable[[Job], Future[Row]],
     window: int,
     executor: Executor,
-    stop: threading.Event,
+    stop: threading.Event | executors.SharedEvent,
 ) -> None:
-    """Run all jobs and keep their rows; where that is broken off, of those that are finished."""
+    """Run all jobs and keep their rows; where that is broken off, of those that are finished. stop: ends their runs."""
     pending: dict[Future[Row], Job] = {}
     try:
         for job, future in executors.finished(_jobs(results, options.folder), submit, window, pending):

@@ -61,7 +61,7 @@ def test_blocks_that_a_process_has_once_run_in_processes(results, study, tmp_pat
     here = figures(results())
     monkeypatch.setattr("cosim.study.variants.Variants.shareable", lambda self: False)
     used = []
-    monkeypatch.setattr("cosim.study.executors.processes", lambda n: used.append(n) or processes(n))
+    monkeypatch.setattr("cosim.study.executors.processes", lambda n, stop: used.append(n) or processes(n, stop))
     there = running.run(study(), Options(tmp_path / "there"))
     assert used
     assert figures(there) == here

@@ -258,25 +258,32 @@ def test_members_that_are_finished_and_not_yet_looked_at_are_kept(study, tmp_pat
     assert all(row["status"] == "completed" for row in kept)
 
 
-def test_ctrl_c_keeps_what_is_done(tmp_path):
-    written(tmp_path, SLOW, "diagram.yaml")
-    path = written(tmp_path, STUDY.replace("count: 4", "count: 400"), "study.yaml")
+@pytest.mark.parametrize("shareable", [True, False])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_signal_ends_all_members_and_keeps_what_is_done(tmp_path, shareable, name):
+    """On threads and in processes, in the middle of runs without end; the signal comes to the first process alone."""
+    written(tmp_path, DIAGRAM, "diagram.yaml")
+    text = STUDY.replace("count: 4", "count: 40").replace("parameters.w: [1, 2, 3]", "parameters.w: [1]")
+    path = written(tmp_path, text.replace("random:", "  run.stop: [1, 1.0e+9]\n    random:"), "study.yaml")
     # A shell may have told this process to ignore Ctrl-C, which children inherit.
-    code = f"""if True:
+    code = f"""if __name__ == "__main__":
         import signal
         from cosim.cli import main
+        from cosim.study.variants import Variants
+        Variants.shareable = lambda self: {shareable}
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        raise SystemExit(main(["study", {str(path)!r}, "--results", {str(tmp_path)!r}]))"""
+        raise SystemExit(main(["study", {str(path)!r}, "--results", {str(tmp_path)!r}, "--threads", "2"]))"""
     store = tmp_path / "study" / "members.jsonl"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, env=environment)
     deadline = time.monotonic() + 120
-    while (not store.exists() or store.read_bytes().count(b"\n") < 5) and time.monotonic() < deadline:
+    while (not store.exists() or store.read_bytes().count(b"\n") < 3) and time.monotonic() < deadline:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert "of 2400 members are done" in error and "Traceback" not in error
+    time.sleep(0.5)
+    process.send_signal(getattr(signal, name))
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 128 + getattr(signal, name)
+    assert "of 160 members are done" in error and "Traceback" not in error
     rows = [json.loads(line) for line in store.read_text().splitlines()]
-    assert 5 <= len(rows) < 2400
+    assert 3 <= len(rows) < 160
     assert all(row["status"] == "completed" for row in rows)
