@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from cosim import interruption
@@ -60,6 +62,13 @@ def _begin(stop: SharedEvent) -> None:
     global _stop
     _stop = stop
     interruption.ignore()
+    Thread(target=_follow, args=(parent_process(),), daemon=True).start()
+
+
+def _follow(parent: BaseProcess) -> None:
+    """End with the first process, whatever ends it."""
+    parent.join()
+    os._exit(1)
 
 
 def _watch(time: float) -> None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -287,3 +288,34 @@ def test_a_signal_ends_all_members_and_keeps_what_is_done(tmp_path, shareable, n
     rows = [json.loads(line) for line in store.read_text().splitlines()]
     assert 3 <= len(rows) < 160
     assert all(row["status"] == "completed" for row in rows)
+
+
+def runs(process: str) -> bool:
+    """Whether a process has not ended; one that nobody has asked for its end may still be listed."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks for the children in /proc")
+def test_processes_end_with_the_first_one_however_that_ends(tmp_path):
+    written(tmp_path, DIAGRAM.replace("stop: 1,", "stop: 1.0e+9,"), "diagram.yaml")
+    path = written(tmp_path, STUDY, "study.yaml")
+    code = f"""if __name__ == "__main__":
+        from cosim.cli import main
+        from cosim.study.variants import Variants
+        Variants.shareable = lambda self: False
+        main(["study", {str(path)!r}, "--results", {str(tmp_path)!r}, "--threads", "2"])"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL, env=environment)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    deadline = time.monotonic() + 120
+    while len(found := children.read_text().split()) < 3 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(2.0)
+    process.kill()
+    process.wait()
+    while any(map(runs, found)) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert len(found) == 3 and not any(map(runs, found))
