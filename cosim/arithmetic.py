@@ -7,7 +7,6 @@ library may answer differently is refused with the author's line.
 
 from __future__ import annotations
 
-import builtins
 import math
 import operator
 from collections.abc import Iterator
@@ -23,25 +22,13 @@ from numba.extending import intrinsic
 from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
 
-from cosim.shared_operations import SHARED_MATH
+from cosim.shared_operations import EXACT_NUMPY, SHARED_BUILTINS, SHARED_MATH, SHARED_NUMPY
 
 WORD, REAL = ir.IntType(64), ir.DoubleType()
 REPEATED = 0x10000  # the largest exponent for which numba multiplies
 
 _IN_PLACE = {"add", "sub", "mul", "truediv"}
-_UFUNCS = (
-    "add subtract multiply divide true_divide negative positive absolute fabs minimum maximum square sqrt copysign"
-)
-_SCALARS = (
-    "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp expm1 log log2 log10 log1p"
-)
-_BUILTINS = "abs min max range len int float bool round enumerate zip divmod isinstance tuple slice"
-_ALLOWED: dict[Any, set[str]] = {
-    builtins: set(_BUILTINS.split()),
-    math: set(SHARED_MATH),
-    np: {"float64", "int64", "bool_", "isnan", "isinf", "isfinite", *_UFUNCS.split(), *_SCALARS.split()},
-}
-_KNOWN = {id(getattr(module, name)) for module, names in _ALLOWED.items() for name in names}
+_KNOWN = {id(function) for function in SHARED_BUILTINS | SHARED_MATH | SHARED_NUMPY}
 _METHODS = {"fill", "item", "argmax", "argmin"}
 
 
@@ -201,7 +188,7 @@ class Arithmetic:
         if _is_foreign(function) and id(function) not in _KNOWN:
             raise errors.UnsupportedError(f"{getattr(function, '__name__', function)}(): {_LOOP}", inst.loc)
         if isinstance(function, np.ufunc) and any(map(self._is_array, call.args)):
-            if function.__name__ not in _UFUNCS.split() or not all(map(self._real, call.args)):
+            if function not in EXACT_NUMPY or not all(map(self._real, call.args)):
                 raise errors.UnsupportedError(f"{function.__name__}() of arrays: {_LOOP}", inst.loc)
             if len(call.args) == function.nin:
                 raise errors.UnsupportedError(_ALLOCATES, inst.loc)

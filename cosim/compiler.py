@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import llvmlite.binding as llvm
 
 from cosim import native
-from cosim.errors import CosimError, DiagramErrors, KernelError, Problems
+from cosim.errors import CosimError, KernelError, Problems
 
 if TYPE_CHECKING:
     from cosim.adapters import Source
@@ -34,17 +34,11 @@ def compile_object(name: str, sources: Iterable[Source]) -> bytes:
     """
     triple, cpu, features = native.host()
     sources = tuple(sources)
-    try:
-        return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
-    except ForeignSymbols as error:
-        raise _located(error, name, sources) from None
+    return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
 
 
-def compile_ir(name: str, sources: Iterable[Source], debugging: bool = False) -> str:
-    """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``.
-
-    debugging: with the lines of the authors' files. Raises: as `compile_object`.
-    """
+def compile_ir(name: str, sources: Iterable[Source]) -> str:
+    """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: as `compile_object`."""
     from numba import types
     from numba.core.compiler import Compiler, Flags, compile_extra
     from numba.core.compiler_lock import global_compiler_lock
@@ -55,9 +49,8 @@ def compile_ir(name: str, sources: Iterable[Source], debugging: bool = False) ->
     flags: Any = Flags()
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
-    flags.debuginfo = debugging
     problems, good = Problems(), []
-    with global_compiler_lock, helpers.unoptimised(), helpers.debugging(debugging), checks.checking():
+    with global_compiler_lock, helpers.unoptimised(), checks.checking():
         target = helpers.target()
         library = target.target_context.codegen().create_library(name)
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
@@ -140,37 +133,13 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
     return machine.emit_object(module)
 
 
-class ForeignSymbols(KernelError):
-    """Object code that needs more than the C library."""
-
-    def __init__(self, name: str, symbols: list[str]) -> None:
-        why = "which allocates memory" if any("nrt" in s.lower() for s in symbols) else "which the C library lacks"
-        fix = "write results in place, declare work space as Local, or declare the class with `compiled=False`"
-        super().__init__(f"{name} cannot be compiled: it needs `{symbols[0]}`, {why}", fix=fix)
-        self.symbols = symbols
-
-
 def _refuse_foreign(module: Any, name: str) -> None:
+    """What authors may write leads to nothing else; this makes sure of it. Raises: KernelError."""
     undefined = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
     foreign = sorted(n for n in undefined if not n.startswith("llvm.") and n not in LIBC)
     if foreign:
-        raise ForeignSymbols(name, foreign)
-
-
-def _located(error: ForeignSymbols, name: str, sources: tuple[Source, ...]) -> CosimError:
-    """The same as mistakes at their lines, which a compilation with debug locations tells."""
-    from cosim import diagnosis
-
-    problems = Problems()
-    for source in sources:
-        if not source.place:
-            continue
-        found = diagnosis.foreign_lines(compile_ir(name, [source], debugging=True), error.symbols)
-        for symbol, lines in found.items():
-            for file, line in lines:
-                problems.add(diagnosis.allocation(source.who, symbol, file, line))
-    unique = {str(e.position): e for e in reversed(problems.errors)}
-    return DiagramErrors(sorted(unique.values(), key=str)) if unique else error
+        fix = "write it with loops and `math`, or declare the class with `compiled=False`"
+        raise KernelError(f"{name} cannot be compiled: it needs `{foreign[0]}`, which the C library lacks", fix=fix)
 
 
 def _explain(error: Exception, source: Source, name: str) -> CosimError:

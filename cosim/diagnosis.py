@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import linecache
 import re
-from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,11 @@ _MEANINGS = (
         "write to a Local, or to what the function computes",
     ),
     (
+        r"<class 'float'>\) found for signature:\s+>>> float\((Literal\[)?bool",
+        "gives a truth value to float(), which takes numbers",
+        "write 1.0 if a > b else 0.0",
+    ),
+    (
         r">>> getitem\((?P<a>int\d+|float\d+|bool\w*), ",
         "takes an element of a number",
         "leave the index out, or declare the variable with a shape",
@@ -46,7 +50,6 @@ _MEANINGS = (
         "puts an array where one number has its place",
         "write one element, such as y[q] = u[q]",
     ),
-    (r">>> setitem\(.*complex", "puts a complex number where a real one has its place", "take its .real or .imag"),
     (
         r"built-in function (?P<a>\w+)>\) found for signature:\s+>>> \w+\((?:readonly )?array\(",
         "gives an array to `{a}`, which takes numbers",
@@ -105,7 +108,7 @@ def explained(error: Exception, who: str, place: str) -> KernelError:
     file, line = own[0] if own else (file, int(first or 0))
     line = _line_of_statement(text, file, line)
     if "its result is a new array" in text:  # which `cosim.arithmetic` says
-        return allocation(who, "NRT", file, line)
+        return _allocation(who, file, line)
     for pattern, what, fix in _MEANINGS:
         if match := re.search(pattern, text, re.S if "global" in pattern else 0):
             groups = {k: _words(v) for k, v in match.groupdict().items()}
@@ -131,68 +134,10 @@ def _is_numbas(file: str) -> bool:
     return "/numba/" in Path(file).as_posix()
 
 
-# ---- symbols that object code may not need --------------------------------------------------------------------------
-
-
-def foreign_lines(ir: str, symbols: Iterable[str]) -> dict[str, list[tuple[str, int]]]:
-    """For each of an IR's symbols that are missing, the lines of authors that lead to it.
-
-    ir: unoptimised, with debug locations. A line leads to a symbol if it calls it, or a function of the compiler's own
-    that does.
-    """
-    bodies = dict(re.findall(r"^define [^@]*@\"?([\w.$%]+)\"?\([^\n]*\{\n(.*?)^\}", ir, re.M | re.S))
-    homes = _homes(ir)
-    calls = {name: _calls(body) for name, body in bodies.items()}
-    found: dict[str, list[tuple[str, int]]] = {}
-    for symbol in symbols:
-        leading = {symbol}
-        while more := {f for f, c in calls.items() if f not in leading and not homes.get(f) and _reaches(c, leading)}:
-            leading |= more
-        lines: dict[str, set[int]] = defaultdict(set)
-        for function, called in calls.items():
-            if file := homes.get(function):
-                lines[file] |= {line for callee, line in _lines(ir, called) if callee in leading}
-        found[symbol] = sorted((file, line) for file, numbers in lines.items() for line in numbers)
-    return found
-
-
-def _calls(body: str) -> list[tuple[str, str]]:
-    """(callee, number of its debug location) of the calls in a function."""
-    return re.findall(r"(?:call|invoke) [^@\n]*@\"?([\w.$%]+)\"?\([^\n]*?!dbg !(\d+)", body) + [
-        (callee, "") for callee in re.findall(r"(?:call|invoke) [^@\n]*@\"?([\w.$%]+)\"?\((?![^\n]*!dbg)", body)
-    ]
-
-
-def _reaches(calls: list[tuple[str, str]], targets: set[str]) -> bool:
-    return any(callee in targets for callee, _ in calls)
-
-
-def _lines(ir: str, calls: list[tuple[str, str]]) -> list[tuple[str, int]]:
-    locations = _locations(ir)
-    return [(callee, locations[number]) for callee, number in calls if number in locations]
-
-
-def _locations(ir: str) -> dict[str, int]:
-    return {n: int(line) for n, line in re.findall(r"^!(\d+) = (?:distinct )?!DILocation\(line: (\d+)", ir, re.M)}
-
-
-def _homes(ir: str) -> dict[str, str]:
-    """The file of each function that an author wrote."""
-    files = {}
-    for number, name, folder in re.findall(r'^!(\d+) = !DIFile\(filename: "(.*?)", directory: "(.*?)"', ir, re.M):
-        if not name.startswith("<") and not _is_numbas(folder) and not folder.endswith("/cosim"):
-            files[number] = str(Path(folder) / name)
-    programs = re.findall(r"^!(\d+) = distinct !DISubprogram\([^\n]*?file: !(\d+)", ir, re.M)
-    home = {number: files[file] for number, file in programs if file in files}
-    defined = re.findall(r"^define [^@]*@\"?([\w.$%]+)\"?\([^\n]*!dbg !(\d+)", ir, re.M)
-    return {name: home[number] for name, number in defined if number in home}
-
-
-def allocation(who: str, symbol: str, file: str, line: int) -> KernelError:
-    """What is said of a line that needs a symbol that object code may not need."""
+def _allocation(who: str, file: str, line: int) -> KernelError:
+    """What is said of a line that makes an array."""
     node = _culprit(file, line)
-    memory = "nrt" in symbol.lower()
-    why = "which needs memory of its own" if memory else f"which needs `{symbol}`, no function of the C library"
+    why = "which needs memory of its own"
     if isinstance(node, ast.Call):
         what = f"calls `{ast.unparse(node.func)}`, {why}"
         fix = f"write it as a loop, or declare work space as a Local, {PLAIN}"

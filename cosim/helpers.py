@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gc
 import types as python_types
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -78,7 +77,6 @@ class Helper(CPUDispatcher):
         flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
         flags.noalias = self._disjoint
         flags.boundscheck = self.checked
-        flags.debuginfo = _debugging
         return flags
 
     def add_overload(self, result: Any) -> None:
@@ -94,24 +92,6 @@ class Helper(CPUDispatcher):
 
 
 _helpers: dict[Any, Helper] = {}
-_debugging = False
-
-
-@contextmanager
-def debugging(wanted: bool) -> Iterator[None]:
-    """Where wanted, give helpers the lines of their files, and keep them apart from those without."""
-    global _debugging, _helpers
-    if not wanted:
-        yield
-        return
-    before = _debugging, _helpers
-    _debugging, _helpers = True, {}
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of functions of numba's own that have no file
-            yield
-    finally:
-        _debugging, _helpers = before
 
 
 def with_compiled_globals(

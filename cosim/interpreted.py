@@ -254,11 +254,17 @@ def _round(value: Any, digits: Any = None) -> Any:
     return _to_integer(round)(value) if digits is None else np.float64(round(float(value), int(digits)))
 
 
+def _float(value: Any) -> np.float64:
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError("float() of a truth value, which kernels do not have")
+    return np.float64(value)
+
+
 _BUILTINS = {
     "range": _range,
     "int": Integer,
     "round": _round,
-    "float": np.float64,
+    "float": _float,
     "len": lambda value: _checked(len(value)),
 }
 _MATH: dict[str, Any] = {name: _of_libm(name, 1) for name in _ONE}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import math
 import types
 from collections.abc import Iterator
 from typing import Any
@@ -18,23 +19,21 @@ import numpy as np
 from cosim.author_source import Text, function_text
 from cosim.dataflow import resolve, scope_of
 
-_BUILTINS = "abs min max float int bool round len range enumerate zip pow divmod tuple complex slice any all reversed "
-_BUILTINS += "isinstance"
+_BUILTINS = "abs min max range len int float bool round enumerate zip divmod isinstance tuple slice"
 SHARED_BUILTINS = frozenset(getattr(builtins, name) for name in _BUILTINS.split())
-_SHARED = (
+_EXACT = "add subtract multiply divide true_divide negative positive absolute fabs minimum maximum square sqrt copysign"
+#: Functions of numpy whose result is exact, also of whole arrays.
+EXACT_NUMPY = frozenset(getattr(np, name) for name in _EXACT.split())
+_OF_NUMBERS = (
     "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp expm1 log log2 log10 log1p "
-    "sqrt abs absolute fabs floor ceil trunc rint sign copysign signbit maximum minimum fmax fmin isnan isinf isfinite "
-    "square negative positive add subtract multiply divide true_divide logical_and logical_or logical_not logical_xor "
-    "bitwise_and bitwise_or bitwise_xor invert left_shift right_shift less less_equal greater greater_equal equal "
-    "not_equal nextafter spacing asarray ascontiguousarray ravel reshape transpose size ndim shape ndenumerate ndindex "
-    "copyto fill_diagonal argmin argmax amin amax min max"
+    "isnan isinf isfinite float64 int64 bool_"
 )
-SHARED_NUMPY = frozenset(getattr(np, name) for name in _SHARED.split())
+SHARED_NUMPY = EXACT_NUMPY | {getattr(np, name) for name in _OF_NUMBERS.split()}
 _SHARED_MATH = (
     "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp expm1 log log2 log10 log1p sqrt pow fabs "
     "erf erfc copysign floor ceil trunc isnan isinf isfinite"
 )
-SHARED_MATH = frozenset(_SHARED_MATH.split())
+SHARED_MATH = frozenset(getattr(math, name) for name in _SHARED_MATH.split())
 #: What to write for other functions of `math`.
 _INSTEAD = {
     "hypot": "math.sqrt(a * a + b * b)",
@@ -146,6 +145,8 @@ def _statement(node: Any) -> tuple[str, str] | None:
 
 def _expression(node: Any, scope: dict[str, Any]) -> tuple[str, str] | None:
     match node:
+        case ast.Constant(value=complex()):
+            return "computes with complex numbers, which blocks do not have", "compute with real and imaginary parts"
         case ast.JoinedStr():
             return (
                 "formats text, which the two engines do differently",
@@ -212,12 +213,8 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
             "compute with numbers and `math`",
         )
     if module == "math":
-        return _of_math(value.__name__, name)
-    if (
-        not (module.startswith("numpy") or isinstance(value, np.ufunc))
-        or _is_type(value)
-        or _is_in(value, SHARED_NUMPY)
-    ):
+        return _of_math(value, name)
+    if not (module.startswith("numpy") or isinstance(value, np.ufunc)) or _is_in(value, SHARED_NUMPY):
         return None
     short = name.rpartition(".")[2]
     if module.startswith("numpy.random") or type(getattr(value, "__self__", None)).__module__.startswith(
@@ -227,8 +224,10 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
     if _is_in(value, MAKING_NUMPY):
         return _makes(f"{name}()")
     twin = _TWINS.get(short, short)
-    if twin in SHARED_MATH:
-        return f"calls `{name}`, whose last bit differs between the two engines", f"use math.{twin}"
+    if getattr(math, twin, None) in SHARED_MATH:
+        return f"calls `{name}`, which the two engines do not have alike", f"use math.{twin}"
+    if isinstance(value, type) and issubclass(value, np.generic):
+        return f"makes a `{name}` of a number, and numbers are float64, int64 and bool", "leave it out"
     if isinstance(value, np.ufunc):
         fix = f"write {_INSTEAD[twin]}" if twin in _INSTEAD else "write it with `math`"
         return f"calls `{name}`, whose last bit may differ between the two engines", fix
@@ -237,10 +236,10 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
     return f"calls `{name}()`, which the two engines do not have alike", "write it as a loop, with numbers and `math`"
 
 
-def _of_math(function: str, name: str) -> tuple[str, str] | None:
+def _of_math(function: Any, name: str) -> tuple[str, str] | None:
     if function in SHARED_MATH:
         return None
-    instead = _INSTEAD.get(function)
+    instead = _INSTEAD.get(function.__name__)
     what = f"calls `{name}()`, which the two engines do not have alike"
     return what, f"write {instead}" if instead else "write it as a loop, with numbers and other functions of `math`"
 
@@ -264,10 +263,6 @@ def _makes(name: str) -> tuple[str, str]:
 def _draws(name: str) -> tuple[str, str]:
     fix = "draw the numbers in a study and give them as parameters, or compute them from a State"
     return f"draws random numbers with `{name}`, which no run could repeat", fix
-
-
-def _is_type(value: Any) -> bool:
-    return isinstance(value, type) and issubclass(value, np.generic)
 
 
 def _is_in(value: Any, functions: frozenset[Any]) -> bool:

@@ -601,7 +601,6 @@ CORRECT = {
     "a method that writes": (outputs("s, w, y", W, "y.fill(s)"),),
     "a result of numpy": (outputs("u, w, y", W, "np.add(u, u, y)"),),
     "out=": (outputs("u, w, y", W, "np.multiply(u, 2.0, out=y)"),),
-    "copyto": (outputs("u, w, y", W, "np.copyto(y, u)"),),
     "a helper by keyword": (outputs("s, w, y", W, "fill(value=s, array=y)"),),
     "a view of the output": (
         "def outputs_matrix(A, M):\n    for i in range(2):\n        row = M[i]\n        row[0] = A[i, 0]\n"
@@ -622,9 +621,9 @@ CORRECT = {
     "constants in a list": (outputs("s, w, y", W, Y, "for q in [0, 1]:", "    if q in (1, 2):", "        y[q] = s"),),
     "a tuple": (outputs("s, w, y", W, "a = (s, 2.0 * s)", "fill(y, a[1])"),),
     "a constant of the module": (outputs("s, w, y", W, "fill(y, TABLE[1] * s)"),),
-    "exact functions of numpy": (outputs("s, w, y", W, "fill(y, np.sqrt(np.abs(s)) + np.floor(s) + np.pi)"),),
+    "exact functions of numpy": (outputs("s, w, y", W, "fill(y, np.sqrt(np.abs(s)) + np.square(s) + np.pi)"),),
     "functions of math": (outputs("s, w, y", W, "fill(y, math.tanh(s) + math.atan2(s, 1.0) + math.inf)"),),
-    "types of numpy": (outputs("s, w, y", W, "fill(y, np.float64(np.int32(s)))"),),
+    "types of numpy": (outputs("s, w, y", W, "fill(y, np.float64(np.int64(s)))"),),
     "annotations": (outputs("s: float, w, y: list[float]", W, "a: dict = s", "fill(y, a)"),),
     "a docstring with words": (outputs("s, w, y", '"""Return `y = print(x)`."""', W, Y),),
     "an assertion": (outputs("s, w, y", W, Y, 'assert s > 0.0, "too small"'),),

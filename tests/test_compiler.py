@@ -33,7 +33,6 @@ MISTAKES = {
         9,
     ),
     "a loop over a number": ("for q in u.size: y[q] = s", "loops over a number", "range", 9),
-    "a complex number": ("y[0] = complex(s, s)", "puts a complex number", r"\.real", 9),
     "what the compiler lacks": ("y[0] = math.sqrt(s, 2)", "cannot be compiled", "compiled=False", 9),
 }
 
