@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-#: Up to so many robots, dense linear algebra is faster than sparse.
-DENSE = 300
+from cosim.blocks.network_spectrum import NotJudged, lower_ends
 
 #: The relative speed (m/s) of two robots that is assumed before a run, for a bound of dL_2/dt.
 CLOSING_SPEED = 1.0
@@ -50,7 +49,10 @@ UNKNOWN_NETWORK = "the static graph of the topology or the gains of the controll
 
 
 def _reached(topology, b, c, rate, how):
-    (p_least, p_most), (q_1, _), (sigma, _) = network_extremes(topology.parameters["hears"], b)
+    try:
+        (p_least, p_most), q_1, sigma = lower_ends(topology.parameters["hears"], b)
+    except NotJudged as reason:
+        return reason.holds, str(reason)
     margin = c * q_1 / 2.0 - p_most * rate / sigma
     numbers = f"sigma(Q_1) = {q_1:.4g}, P_1 from {p_least:.4g} to {p_most:.4g}, sigma(L_1 + B) = {sigma:.4g}"
     admitted = c * q_1 / 2.0 * sigma / p_most
@@ -58,7 +60,10 @@ def _reached(topology, b, c, rate, how):
 
 
 def _slow(topology, b, lambda_, rate, how):
-    sigma = network_extremes(topology.parameters["hears"], b)[2][0]
+    try:
+        sigma = lower_ends(topology.parameters["hears"], b).sigma
+    except NotJudged as reason:
+        return reason.holds, str(reason)
     smallest = float(min(lambda_))
     margin = smallest - rate / sigma
     numbers = f"sigma(Lambda) = {smallest:.4g}, sigma(L_1 + B) = {sigma:.4g}"
@@ -89,46 +94,12 @@ def assumed_rate(neighbours):
     return bound, f"L_M = {bound:.4g} 1/s is assumed ({pair}), TopologyRate measures it"
 
 
-def network_extremes(hears, b):
-    """(smallest, largest) eigenvalue of P_1, eigenvalue of Q_1, and singular value of L_1 + B, Lemma 2.
-
-    The proof of Theorem 3 uses sigma(L_1 + B) as the inverse of a bound of ||(L_1 + B)^-1||, and sigma_max(L + B) as a
-    bound of ||L + B||, hence singular values.
-    """
-    heard = [(i, j - 1) for i, row in enumerate(hears.tolist()) for j in row if j != 0]
-    rows, columns = np.array(heard, int).reshape(-1, 2).T
-    robots = len(hears)
-    if robots <= DENSE:
-        pinned = np.diag(np.bincount(rows, minlength=robots) + np.asarray(b, float))
-        pinned[rows, columns] -= 1.0
-        p = 1.0 / np.linalg.solve(pinned, np.ones(robots))
-        weighted = p[:, np.newaxis] * pinned
-        spectra = [np.linalg.eigvalsh(matrix)[[0, -1]] for matrix in (weighted + weighted.T, pinned.T @ pinned)]
-    else:
-        from scipy.sparse import csc_array, diags_array
-        from scipy.sparse.linalg import spsolve
-
-        adjacency = csc_array((np.ones(len(heard)), (rows, columns)), shape=(robots, robots))
-        pinned = csc_array(diags_array(adjacency.sum(axis=1) + b) - adjacency)
-        p = 1.0 / spsolve(pinned, np.ones(robots))
-        weighted = csc_array(diags_array(p) @ pinned)
-        spectra = [_extreme_eigenvalues(matrix) for matrix in (weighted + weighted.T, pinned.T @ pinned)]
-    return np.array([p.min(), p.max()]), spectra[0], np.sqrt(np.maximum(spectra[1], 0.0))
-
-
 def _has_static_graph(neighbours):
     return neighbours is not None and "hears" in neighbours.parameters
 
 
 def _has_gains(s_hat):
     return s_hat is not None and {"b", "c", "lambda_"} <= set(s_hat.parameters)
-
-
-def _extreme_eigenvalues(symmetric):
-    from scipy.sparse.linalg import eigsh
-
-    options = {"k": 1, "tol": 1e-6, "v0": np.ones(symmetric.shape[0]), "return_eigenvectors": False}
-    return np.concatenate((eigsh(symmetric, sigma=0.0, **options), eigsh(symmetric, which="LA", **options)))
 
 
 # ---- Definition 2: the potential and the references ------------------------------------------------------------

@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim.block import CalculatedParameter, Input, Measure, Output, Parameter, rule
 from cosim.blocks.agreement import agrees
-from cosim.blocks.stability_conditions import network_extremes
+from cosim.blocks.network_spectrum import network_extremes
 
 
 class UltimateBounds(Measure, compiled=False):

@@ -71,10 +71,14 @@ class Finding:
     numbers: str
 
     @property
+    def name(self) -> str:
+        """Block, source and condition, which do not depend on the run."""
+        return f"{self.slave}: {self.source or 'condition'}, {self.text}"
+
+    @property
     def summary(self) -> str:
-        """One line: block, source, condition, numbers."""
-        numbers = f": {self.numbers}" if self.numbers else ""
-        return f"{self.slave}: {self.source or 'condition'}, {self.text}{numbers}"
+        """One line: its name, and the numbers."""
+        return f"{self.name}: {self.numbers}" if self.numbers else self.name
 
 
 @dataclass

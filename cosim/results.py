@@ -37,7 +37,7 @@ from cosim.errors import ResultError, nearest
 from cosim.metrics import for_json
 
 Array = NDArray[Any]
-JSON_ATTRIBUTES = ("settings", "versions", "seconds", "metrics")
+JSON_ATTRIBUTES = ("settings", "versions", "seconds", "metrics", "conditions")
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."  # with the size, %10d: netCDF-4's own mark
 CHUNK_BYTES = 64 * 1024
@@ -141,10 +141,12 @@ class ResultWriter:
         metrics: Mapping[str, Any] | None = None,
         steps: int = 0,
         seconds: Mapping[str, float] | None = None,
+        conditions: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Flush, note how the run ended, and close.
 
         status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
+        conditions: those that were judged along the run, with the fields of a `network.Finding`.
         """
         problem = None
         try:
@@ -152,7 +154,7 @@ class ResultWriter:
         except ResultError as error:
             problem, status, message = error, "failed", error.message
         last: dict[str, Any] = {"status": status, "message": message, "steps": steps}
-        last |= {"metrics": metrics or {}, "seconds": seconds or {}}
+        last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
         with _as_result_error("write", self.path):
             _write_attributes(self._file, last)
             self._file.flush()

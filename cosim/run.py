@@ -71,6 +71,11 @@ class Outcome:
         ended = self.error or self.termination
         return ended.message if ended else ""
 
+    @property
+    def verdicts(self) -> list[dict[str, Any]]:
+        """The conditions as JSON has them."""
+        return [asdict(finding) for finding in self.conditions]
+
     def as_json(self) -> str:
         """One JSON object; NaN and infinity are null."""
         names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
@@ -80,7 +85,7 @@ class Outcome:
         if self.warnings:
             content["warnings"] = [str(warning) for warning in self.warnings]
         if self.conditions:
-            content["conditions"] = [asdict(finding) for finding in self.conditions]
+            content["conditions"] = self.verdicts
         if self.swaps:
             content["swaps"] = self.swaps
         return json.dumps(reductions.for_json(content), ensure_ascii=False)
@@ -305,7 +310,7 @@ def _courses(network: Network) -> dict[Signal, Courses]:
 def _close(writer: results.ResultWriter, outcome: Outcome) -> None:
     """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
     try:
-        writer.close(outcome.status, outcome.reason, outcome.metrics, outcome.steps, outcome.seconds)
+        writer.close(outcome.status, outcome.reason, outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts)
     except ResultError as full:
         if outcome.error is None:
             outcome.status, outcome.error = "failed", full

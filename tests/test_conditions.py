@@ -10,6 +10,7 @@ from cosim import rules, run
 from cosim.block import Block, Course, DeclarationError, Output, Parameter, condition, rule
 from cosim.cli import main
 from cosim.courses import Courses
+from cosim.results import open_result
 
 BLOCKS = '''
 from cosim import Block, Input, Output, Parameter
@@ -79,6 +80,13 @@ def test_the_terminal_and_json_tell_what_failed_along_the_run(diagram, capsys, m
     assert [c["holds"] for c in conditions if c["slave"] == "wave"] == [True, False]
     assert main(["check", "diagram.yaml"]) == 0
     assert "run    wave: Theorem 9, y < 2" in capsys.readouterr().out
+
+
+def test_the_result_keeps_what_was_judged(diagram):
+    outcome = run.Run(run.load(diagram), engine="python", output=diagram.with_name("run.nc")).execute()
+    with open_result(diagram.with_name("run.nc")) as result:
+        assert result.attrs["conditions"] == outcome.verdicts
+    assert {(c["slave"], c["holds"]) for c in outcome.verdicts} == {("wave", True), ("wave", False), ("one", True)}
 
 
 def test_a_condition_sees_the_blocks_before_it_and_the_runs_end(diagram, capsys):

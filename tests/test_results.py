@@ -83,6 +83,7 @@ def test_reads_back_what_was_written(tmp_path):
     check_samples(path, 2500)
     with open_result(path) as result:
         about = result.attrs
+        assert about["conditions"] == []
         assert about["title"] == ATTRIBUTES["title"] and about["diagram"] == ATTRIBUTES["diagram"]
         assert about["settings"] == ["run.stop=1"] and about["method"] == "jacobi"
         assert about["status"] == "completed" and about["steps"] == 2500 and about["seconds"] == {"solve": 0.25}
@@ -453,3 +454,13 @@ def test_a_damaged_file_in_which_hdf5_has_no_end_is_refused(tmp_path, monkeypatc
     assert set(ends) <= {0, 1} and ends[1]
     path.write_bytes(whole)
     check_samples(path, 2500)
+
+
+def test_a_file_of_before_conditions_were_kept_is_read(tmp_path):
+    import h5py
+
+    path = write(tmp_path / "run.nc")
+    with h5py.File(path, "r+") as file:
+        del file.attrs["conditions"]
+    check_samples(path, 2500)
+    assert read_metrics(path)["N_x"] == 5.1e-7

@@ -17,6 +17,9 @@ from cosim.results import Result
 _BESIDE = {"references": (2, 2), "radii": (1, 0), "neighbours": (2, 1), "weights": (2, 1)}
 """What goes with bodies: how many axes it has, and how many elements along the second one at least."""
 
+HEADING = (0.5, 1.0)
+"""From where to where a body's heading is drawn, in radii: its number stands before that."""
+
 
 @dataclass
 class Plane:
@@ -142,7 +145,7 @@ class _Paths:
         until = shown[-1] + 1 if since or len(shown) == 1 else len(self.times)
         for i in range(self.count):
             way = self.x[since:until, i]
-            axis.plot(way[:, 0], way[:, 1], label=f"{i + 1}", color=style.COLOURS[i % 8], zorder=3)
+            axis.plot(way[:, 0], way[:, 1], label=f"{i + 1}", color=style.COLOURS[i % 8], linewidth=0.8, zorder=3)
         dots: Any = {"linestyle": (0, (1, 1.5)), "color": "#808080", "linewidth": 0.7}
         if self.wanted is not None:
             for i in range(self.count):
@@ -181,8 +184,8 @@ class Body:
         self._disc.center = tuple(x[:2])
         self._number.set_position(tuple(x[:2]))
         if len(x) > 2:
-            tip = x[:2] + self._radius * np.array([np.cos(x[2]), np.sin(x[2])])
-            self._heading[0].set_data(*zip(x[:2], tip, strict=True))
+            ends = np.outer(HEADING, self._radius * np.array([np.cos(x[2]), np.sin(x[2])])) + x[:2]
+            self._heading[0].set_data(*ends.T)
 
 
 def bodies(axis: Any, x: np.ndarray, radius: np.ndarray) -> list[Body]:

@@ -20,7 +20,7 @@ from cosim.plot import distribution
 from cosim.plot.figures import Figure
 from cosim.report import words
 from cosim.results import versions
-from cosim.study import names, tables
+from cosim.study import names, running, tables
 from cosim.study.dataset import scalar
 from cosim.study.executors import processors
 from cosim.study.member import Row
@@ -88,7 +88,7 @@ def _section(results: Results, pictures: str) -> str:
         origins = escape(" and ".join(study.origins))
         parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
         parts.append(_list(words.differences(study, rows, results.reductions)))
-    parts.append(_list(words.events(study, rows)))
+    parts.append(_list([*words.events(study, rows), *(f"{sentence}." for sentence in running.broken(rows))]))
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
     parts += _pictures(results, rows, pictures)

@@ -87,7 +87,7 @@ def _report(results: Results, as_json: bool) -> None:
     ]
     if len(reasons) > REASONS_SHOWN:
         warnings.append(CosimError(f"{len(reasons) - REASONS_SHOWN} more reasons", fix="--json lists all of them"))
-    terminal.print_warnings(warnings)
+    terminal.print_warnings([*warnings, *map(CosimError, summary["conditions"])])
 
 
 def _run_member(study: Any, name: str, folder: Path) -> int:

@@ -13,7 +13,7 @@ from cosim.source import Node
 from cosim.study import names, plan
 from cosim.study.model import Study
 
-OWN = ("variant", "draw", "status", "reason", "steps", "seconds")
+OWN = ("variant", "draw", "status", "reason", "steps", "seconds", "conditions")
 """What the data set of every study has; a metric of such a name would take its place."""
 
 

@@ -103,6 +103,9 @@ def _variables(results: Results, shape: tuple[int, ...]) -> dict[str, Variable]:
         column("seconds", 0.0, float, {"units": "s", "long_name": "wall-clock time of the solution"})[at] = row[
             "seconds"
         ]
+        if verdicts := row.get("conditions"):
+            about = {"long_name": "whether each condition of a theorem holds along the run, as JSON; null: unknown"}
+            column("conditions", "", object, about)[at] = json.dumps(verdicts, ensure_ascii=False)
         for name, value in row["metrics"].items():
             _put(column, at, name, value, units.get(name, {}))
     draws = _drawn(results)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, ResultError
 from cosim.metrics import for_json
+from cosim.network import Finding
 from cosim.results import open_result
 from cosim.run import Outcome, Run
 from cosim.study.plan import Member
@@ -45,7 +46,15 @@ def run(
 
 def lost(reason: str) -> Row:
     """What is kept of a member that could not begin."""
-    return {"status": "failed", "reason": reason, "steps": 0, "seconds": 0.0, "metrics": {}, "events": {}}
+    return {
+        "status": "failed",
+        "reason": reason,
+        "steps": 0,
+        "seconds": 0.0,
+        "metrics": {},
+        "events": {},
+        "conditions": {},
+    }
 
 
 def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepared) -> Run:
@@ -83,4 +92,14 @@ def _kept(outcome: Outcome) -> Row:
         "seconds": outcome.seconds["solve"],
         "metrics": for_json(outcome.metrics),
         "events": firsts,
+        "conditions": _verdicts(outcome.conditions),
     }
+
+
+def _verdicts(findings: Iterable[Finding]) -> dict[str, bool | None]:
+    """By each condition's name whether it holds, for the whole fleet: what fails for one member fails."""
+    found: dict[str, bool | None] = {}
+    for finding in findings:
+        both = (found.get(finding.name, True), finding.holds)
+        found[finding.name] = False if False in both else None if None in both else True
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -224,7 +224,7 @@ def _jobs(results: Results, folder: Path) -> Iterator[Job]:
 
 
 def summary(results: Results) -> dict[str, Any]:
-    """Counts of members by status, and the reasons of those that failed with how often and where first."""
+    """Counts of members by status, the reasons of those that failed with how often and where first, and `broken`."""
     counts: dict[str, int] = {}
     reasons: dict[str, list[Any]] = {}
     for row in results.rows():
@@ -233,4 +233,15 @@ def summary(results: Results) -> dict[str, Any]:
             entry = reasons.setdefault(row["reason"], [0, row["name"]])
             entry[0] += 1
     failed = sum(counts.get(status, 0) for status in FAILED)
-    return {"counts": counts, "failed": failed, "reasons": reasons}
+    return {"counts": counts, "failed": failed, "reasons": reasons, "conditions": list(broken(results.rows()))}
+
+
+def broken(rows: Iterable[Row]) -> Iterator[str]:
+    """Each condition of a theorem that some runs do not keep: in how many of those that judge it, and where first."""
+    verdicts: dict[str, list[tuple[bool | None, str]]] = {}
+    for row in rows:
+        for name, holds in row.get("conditions", {}).items():  # rows of earlier versions have none
+            verdicts.setdefault(name, []).append((holds, row["name"]))
+    for name, found in verdicts.items():
+        if failing := [member for holds, member in found if holds is False]:
+            yield f"{name} fails in {len(failing)} of {len(found)} runs, first in {failing[0]}"

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from cosim.block import Course
-from cosim.blocks import stability_conditions
 from cosim.blocks.controller import SlidingModeController
+from cosim.blocks.network_spectrum import network_extremes
 from cosim.blocks.stability_conditions import (
     formation_reached,
     formation_reached_along,
     network_covers_reference,
-    network_extremes,
     references_apart,
     topology_slow,
     topology_slow_along,
@@ -53,28 +52,6 @@ def test_control_law():
     np.testing.assert_allclose(s_hat, expected_s, rtol=1e-11)
     expected_a = -c * expected_s - w_hat - slope * (v_hat - xi_2) - (x - x_d) + xi_3 + F
     np.testing.assert_allclose(u, np.einsum("ikq,iq->ik", g_inverse, expected_a), rtol=1e-11, atol=1e-12)
-
-
-def dense_extremes(hears, b):
-    """Lemma 2 with dense matrices."""
-    robots = len(hears)
-    a = np.zeros((robots, robots))
-    for i, row in enumerate(hears):
-        a[i, [j - 1 for j in row if j]] = 1.0
-    pinned = np.diag(a.sum(axis=1)) - a + np.diag(b)
-    p = 1.0 / np.linalg.solve(pinned, np.ones(robots))
-    q_1 = np.diag(p) @ pinned + pinned.T @ np.diag(p)
-    return np.sort(p)[[0, -1]], np.linalg.eigvalsh(q_1)[[0, -1]], np.linalg.svd(pinned, compute_uv=False)[[-1, 0]]
-
-
-@pytest.mark.parametrize("dense", [300, 0])
-def test_network_extremes(dense, monkeypatch):
-    monkeypatch.setattr(stability_conditions, "DENSE", dense)
-    rng = np.random.default_rng(13)
-    hears = np.array([[(i + 1) % 20 + 1, (i + 7) % 20 + 1] for i in range(20)], np.int32)
-    b = rng.uniform(0.1, 2.0, 20)
-    for found, expected in zip(network_extremes(hears, b), dense_extremes(hears, b), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 TOPOLOGY = Source("RangeTopology", {"hears": RING, "eta_1": np.array(0.2), "eta_2": np.array(14.0)})

@@ -8,7 +8,7 @@ import pytest
 
 from cosim.cli import main
 from cosim.errors import PlotError
-from cosim.plot import figures, lines, style
+from cosim.plot import figures, lines, plane, style
 from cosim.plot.signals import curves, read
 from cosim.results import Result, ResultWriter, Signal, open_result
 
@@ -247,6 +247,13 @@ def test_bodies_of_different_times_never_cover_each_other(result):
         assert panels(0) == 1
         assert panels(0, 6) == 1 + any_covered(opened, 0, 60)
         assert panels(0, 0.1, 0.2) == 4  # one of them empty
+
+
+def test_a_heading_ends_at_the_rim_and_leaves_the_number_free():
+    with style.style() as pyplot:
+        body = plane.Body(pyplot.gca(), "1", np.array([1.0, 2.0, np.pi / 2]), 0.4, "#000000")
+        (heading,) = (artist for artist in body.artists if hasattr(artist, "get_xydata"))
+        np.testing.assert_allclose(heading.get_xydata(), [[1.0, 2.2], [1.0, 2.4]])
 
 
 def any_covered(opened, a, b):
