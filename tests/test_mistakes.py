@@ -219,6 +219,12 @@ def test_a_renamed_block_is_one_mistake_with_its_new_name(formation, write, caps
     assert "did you mean `robots`, which has radius, v, x?" in text
 
 
+def test_two_ports_are_enough_to_know_a_renamed_block(write, capsys):
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  swinging: {type: Oscillator}\n  b: {type: Lag, inputs: {u: pq.x}}\n"
+    code, said = check(write(text + "record: {signals: [pq.v]}\n"), capsys)
+    assert code == 2 and "did you mean `swinging`, which has v, x?" in said, said
+
+
 def test_an_overlay_that_names_a_block_wrongly(formation, write, capsys):
     code, text = check(write(f"extends: {formation}\nblocks: {{obsever: {{parameters: {{width: 3}}}}}}\n"), capsys)
     assert code == 2 and "block `obsever` has no type" in text and "did you mean `observer`?" in text

@@ -220,6 +220,17 @@ def test_threads_are_a_whole_number(tmp_path, capsys, threads):
 SLOW = DIAGRAM.replace("step: 0.01", "step: 0.00001")
 
 
+def test_who_watches_is_told_of_every_member_that_is_done(study, tmp_path):
+    told = []
+    options = Options(tmp_path / "results", threads=1, watch=lambda *numbers: told.append(numbers))
+    running.run(study(STUDY.replace("count: 4", "count: 2")), options)
+    assert told == [(done, 12) for done in range(1, 13)]
+    told.clear()
+    results = running.run(study(), options)
+    assert (results.ran, results.reused) == (12, 12)
+    assert [done for done, _ in told] == sorted({done for done, _ in told}) and told[-1] == (24, 24) and len(told) == 12
+
+
 def test_sigkill_loses_nothing_that_is_done(tmp_path):
     written(tmp_path, SLOW, "diagram.yaml")
     path = written(tmp_path, STUDY.replace("count: 4", "count: 40"), "study.yaml")
