@@ -108,6 +108,26 @@ def test_failures_are_explained_by_what_differs(results):
     assert "cosim study" in text and "--member" in text
 
 
+@pytest.mark.parametrize(("baseline", "other"), [("plain", "slow"), ("slow", "plain")])
+def test_runs_of_one_start_whose_outcome_differs_are_named_and_can_be_replayed(results, baseline, other):
+    done = results(STUDY.rstrip() + f"\n    explain: {{baseline: {baseline}, metric: top, below: 1.7}}\n")
+    rows = list(done.rows())
+    text = "\n".join(words.explanation(done.study, rows))
+    good = {row["name"]: row["metrics"]["top"] < 1.7 for row in rows}
+    pairs = [(name, name.replace(other, baseline)) for name in good if name.startswith(other)]
+    worse = [name for name, base in pairs if good[base] and not good[name]]
+    better = [name for name, base in pairs if good[name] and not good[base]]
+    assert bool(worse) != bool(better)
+    if worse:
+        assert (
+            len(worse) > 1
+            and f"{len(worse)} of the runs that succeed in {baseline} fail in {other}, {worse[0]}" in text
+        )
+        assert f"Replay the first: cosim study {done.study.path} --member {worse[0]}" in text
+    else:
+        assert f"{len(better)} of the failures of {baseline} do not happen in {other}" in text
+
+
 def test_pictures_can_be_had_as_files(report, tmp_path):
     report()
     assert main(["report", "study.yaml", "--pictures", "png"]) == 0
