@@ -23,7 +23,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
+from functools import lru_cache, partial
 from importlib import metadata
 from math import prod
 from pathlib import Path
@@ -348,11 +348,19 @@ def is_result(path: Path) -> bool:
 def _can_be_read(path: Path) -> bool:
     """Whether HDF5 gets through the structure of a file: in a damaged one it may go round for ever, or crash.
 
-    It is deaf to all signals but SIGKILL then, so a child looks first. What the child has is processor time: a slow
-    disk does no harm. Errors that HDF5 reports are left to the caller, who meets them again.
+    It is deaf to all signals but SIGKILL then, so a child looks first, once at a file as it is. What the child has is
+    processor time: a slow disk does no harm. Errors that HDF5 reports are left to the caller, who meets them again.
     """
     if not hasattr(os, "fork"):
         return True
+    with suppress(OSError):  # which the caller meets too
+        about = path.stat()
+        return _is_walked(path, about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns)
+    return True
+
+
+@lru_cache(maxsize=64)
+def _is_walked(path: Path, *version: int) -> bool:
     from signal import SIGKILL
 
     with warnings.catch_warnings():
