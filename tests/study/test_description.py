@@ -10,7 +10,7 @@ from cosim.study import plan
 from cosim.study.description import short_name
 from cosim.study.running import Options, run
 from cosim.study.variants import Variants
-from tests.study.conftest import DIAGRAM
+from tests.study.conftest import DIAGRAM, STUDY
 
 
 def test_dimensions_and_size(study):
@@ -267,3 +267,14 @@ def test_metrics_that_are_no_mapping_are_told_where_the_diagram_has_them(study, 
 def test_a_span_may_lie_in_the_longer_runs_of_a_grid(study):
     text = "record: true, figures: {F: {panels: [{signals: lag.x, span: [2, 3]}]}}, grid: {run.stop: [1, 3]}"
     Variants(study(f"{{diagram: diagram.yaml, {text}}}")).check()
+
+
+def test_a_variant_lies_over_its_diagram_and_may_take_away_what_that_says(study):
+    text = STUDY.replace(
+        "plain:\n", "plain:\n      bare: {metrics: {low: ~}, blocks: {swing: {parameters: {w: ~}}}}\n", 1
+    )
+    variants = Variants(study(text.replace("blocks.swing.parameters.w: [1, 2, 3]", "run.stop: [1]")))
+    assert set(variants.base("plain").diagram.metrics) == {"top", "last", "low"}
+    assert set(variants.base("bare").diagram.metrics) == {"top", "last"}
+    assert "w" in variants.base("plain").diagram.blocks["swing"].parameters
+    assert "w" not in variants.base("bare").diagram.blocks["swing"].parameters
