@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import MetricError, nearest
-from cosim.summation import ExactSum
+from cosim.summation import ExactSum, SquareSum
 
 Array = NDArray[Any]
 WINDOW_TOLERANCE = 1e-9
@@ -133,18 +133,20 @@ class Mean(Reduction):
         return self._sum.mean() if self._sum.count else None
 
 
-class RootMeanSquare(Mean):
-    """Square root of the mean square of all elements of all samples."""
+class RootMeanSquare(Reduction):
+    """Square root of the mean square of all elements of all samples, of numbers of any size."""
 
     name = "rms"
 
+    def __init__(self, *signal: Any) -> None:
+        super().__init__(*signal)
+        self._squares = SquareSum()
+
     def _take(self, times: Array, samples: Array) -> None:
-        with np.errstate(over="ignore"):
-            self._sum.add(np.square(samples, dtype=float))
+        self._squares.add(samples)
 
     def value(self) -> float | None:
-        mean = super().value()
-        return None if mean is None else math.sqrt(mean)
+        return self._squares.root_mean() if self._squares.count else None
 
 
 class Final(Reduction):
