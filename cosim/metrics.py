@@ -22,6 +22,8 @@ from cosim.summation import ExactSum, SquareSum
 
 Array = NDArray[Any]
 WINDOW_TOLERANCE = 1e-9
+NOT_FINITE = ("nan", "inf", "-inf")
+"""What has no number in JSON, as text."""
 
 
 class Reduction(ABC):
@@ -267,14 +269,26 @@ def reduction(
 
 
 def for_json(value: Any) -> Any:
-    """The same value with null for NaN and infinity, which JSON does not have; numpy scalars become numbers."""
+    """The same value with texts for "nan", "inf" and "-inf", which JSON does not have; numpy scalars become numbers.
+
+    So null is left for what has no value at all. `from_json` gives the numbers back.
+    """
     if isinstance(value, Mapping):
         return {key: for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [for_json(item) for item in value]
     if isinstance(value, np.generic):
         return for_json(value.item())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def from_json(value: Any) -> Any:
+    """A metric, or a mapping or list of them, as it was before `for_json`: no metric is a text."""
+    if isinstance(value, Mapping):
+        return {key: from_json(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [from_json(item) for item in value]
+    return float(value) if value in NOT_FINITE else value
 
 
 def _event(members: Array, time: Any) -> dict[str, Any]:

@@ -72,7 +72,7 @@ class Outcome:
         return ended.message if ended else ""
 
     def as_json(self) -> str:
-        """One JSON object; NaN and infinity are null."""
+        """One JSON object, as of `for_json`."""
         names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
         content = {name: getattr(self, name) for name in names}
         if self.error:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import MetricError
-from cosim.metrics import REDUCTIONS, for_json, reduction
+from cosim.metrics import REDUCTIONS, for_json, from_json, reduction
 
 TIMES = np.arange(301) * 0.1
 
@@ -136,7 +136,14 @@ def test_nan_is_not_hidden(name, at):
     x = np.ones((301, 3))
     x[at, 1] = np.nan
     assert math.isnan(reduce(name, TIMES, x))
-    assert json.dumps(for_json({"N": reduce(name, TIMES, x)})) == '{"N": null}'
+    assert json.dumps(for_json({"N": reduce(name, TIMES, x)})) == '{"N": "nan"}'
+
+
+def test_what_json_has_no_numbers_for_comes_back_and_null_is_no_value():
+    metrics = {"a": math.inf, "b": [-math.inf, [1.5, np.float64(np.nan)]], "c": None, "d": [{"member": 1, "time": 0.5}]}
+    text = json.dumps(for_json(metrics), allow_nan=False)
+    assert json.loads(text) == {"a": "inf", "b": ["-inf", [1.5, "nan"]], "c": None, "d": [{"member": 1, "time": 0.5}]}
+    assert repr(from_json(json.loads(text))) == repr(metrics).replace("np.float64(nan)", "nan")
 
 
 def test_infinity_is_not_hidden():
