@@ -191,7 +191,7 @@ class Rule:
     The function may name parameters, dimensions and inputs (which come as the `Source` at the other end of the
     wire), and returns whether the rule holds, or that and a text with its numbers. A condition may also name `stop`,
     the run's end (s), `method`, the run's, and what its block computes, which comes as a `Course`: then it is judged
-    after a run. It may return None for "holds": nobody can say.
+    after a run. It may return None for "holds": nobody can say. Anything but True, False or that is a mistake.
     """
 
     text: str

@@ -56,10 +56,15 @@ def _run(words: list[str], began: float) -> int:
             return _command(options, heard)
     except KeyboardInterrupt as stopped:
         number = stopped.number if isinstance(stopped, interruption.Interrupted) else signal.SIGINT
-        print(f"interrupted by {signal.Signals(number).name}", file=sys.stderr)
+        print(" ".join((f"interrupted by {signal.Signals(number).name}", *_notes(stopped))), file=sys.stderr)
         return BY_SIGNAL + number
     except SystemExit as leaving:  # of --help
         return leaving.code if isinstance(leaving.code, int) else DONE
+
+
+def _notes(error: BaseException) -> list[str]:
+    """What was added to an error on its way."""
+    return getattr(error, "__notes__", [])
 
 
 def _command(options: argparse.Namespace, heard: interruption.Interruption) -> int:

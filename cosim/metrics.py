@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim.errors import MetricError, nearest
-from cosim.summation import ExactSum
+from cosim.summation import ExactSum, SquareSum
 
 Array = NDArray[Any]
 WINDOW_TOLERANCE = 1e-9
+NOT_FINITE = ("nan", "inf", "-inf")
+"""What has no number in JSON, as text."""
 
 
 class Reduction(ABC):
@@ -133,18 +135,20 @@ class Mean(Reduction):
         return self._sum.mean() if self._sum.count else None
 
 
-class RootMeanSquare(Mean):
-    """Square root of the mean square of all elements of all samples."""
+class RootMeanSquare(Reduction):
+    """Square root of the mean square of all elements of all samples, of numbers of any size."""
 
     name = "rms"
 
+    def __init__(self, *signal: Any) -> None:
+        super().__init__(*signal)
+        self._squares = SquareSum()
+
     def _take(self, times: Array, samples: Array) -> None:
-        with np.errstate(over="ignore"):
-            self._sum.add(np.square(samples, dtype=float))
+        self._squares.add(samples)
 
     def value(self) -> float | None:
-        mean = super().value()
-        return None if mean is None else math.sqrt(mean)
+        return self._squares.root_mean() if self._squares.count else None
 
 
 class Final(Reduction):
@@ -265,14 +269,26 @@ def reduction(
 
 
 def for_json(value: Any) -> Any:
-    """The same value with null for NaN and infinity, which JSON does not have; numpy scalars become numbers."""
+    """The same value with texts for "nan", "inf" and "-inf", which JSON does not have; numpy scalars become numbers.
+
+    So null is left for what has no value at all. `from_json` gives the numbers back.
+    """
     if isinstance(value, Mapping):
         return {key: for_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [for_json(item) for item in value]
     if isinstance(value, np.generic):
         return for_json(value.item())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def from_json(value: Any) -> Any:
+    """A metric, or a mapping or list of them, as it was before `for_json`: no metric is a text."""
+    if isinstance(value, Mapping):
+        return {key: from_json(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [from_json(item) for item in value]
+    return float(value) if value in NOT_FINITE else value
 
 
 def _event(members: Array, time: Any) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from cosim import files
 from cosim.errors import ResultError, nearest
-from cosim.metrics import for_json
+from cosim.metrics import for_json, from_json
 
 Array = NDArray[Any]
 JSON_ATTRIBUTES = ("settings", "versions", "seconds", "metrics", "conditions")
@@ -498,9 +498,11 @@ def _read_attribute(key: str, value: Any) -> Any:
     if key not in JSON_ATTRIBUTES:
         return for_json(value)
     found = json.loads(value)
-    if key == "metrics" and not isinstance(found, dict):
+    if key != "metrics":
+        return found
+    if not isinstance(found, dict):
         raise ValueError("its metrics are damaged")
-    return found
+    return from_json(found)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -128,18 +129,38 @@ def _judge(
 
 def _verdict(slave: Slave, rule: Rule, arguments: Iterable[Any]) -> tuple[bool | None, str]:
     try:
-        result = rule.function(*arguments)
-        holds, numbers = result if isinstance(result, tuple) else (result, "")
-        return None if holds is None else bool(holds), str(numbers)
+        return _read(rule, rule.function(*arguments))
     except _SeveralSources as several:
         return None, str(several)
+    except KeyboardInterrupt as stopped:  # it may never end, and then nobody else knows where it is
+        stopped.add_note(f"while block {slave.name} judged the {_described(slave, rule)}{_place(rule)}")
+        raise
     except Exception as error:
-        code = getattr(rule.function, "__code__", None)
-        place = f" at {os.path.relpath(code.co_filename)}:{code.co_firstlineno}" if code else ""
-        kind = "condition" if rule.warning else "rule"
-        message = f"block {slave.name}: the {kind} `{rule.text}` of {slave.declaration.name} cannot be judged: "
-        fix = f"correct its function{place}; it returns whether it holds, or that and a text"
+        fix = f"correct its function{_place(rule)}; it returns whether it holds, or that and a text"
+        message = f"block {slave.name}: the {_described(slave, rule)} cannot be judged: "
         raise DeclarationError(f"{message}{type(error).__name__}: {error}", slave.entry.position, fix) from error
+
+
+def _read(rule: Rule, result: Any) -> tuple[bool | None, str]:
+    """What a rule's function returns, as a verdict and its numbers. Raises: TypeError where it is none.
+
+    Nothing else counts as true or false: what an author forgot to compare would hold.
+    """
+    holds, numbers = result if isinstance(result, tuple) and len(result) == 2 else (result, "")
+    if isinstance(holds, bool | np.bool_) and isinstance(numbers, str):
+        return bool(holds), numbers
+    if holds is None and isinstance(numbers, str) and rule.warning:
+        return None, numbers
+    raise TypeError(f"it returned {' '.join(reprlib.repr(result).split())}, of type {type(result).__name__}")
+
+
+def _described(slave: Slave, rule: Rule) -> str:
+    return f"{'condition' if rule.warning else 'rule'} `{rule.text}` of {slave.declaration.name}"
+
+
+def _place(rule: Rule) -> str:
+    code = getattr(rule.function, "__code__", None)
+    return f" at {os.path.relpath(code.co_filename)}:{code.co_firstlineno}" if code else ""
 
 
 def _arguments(slaves: dict[str, Slave], slave: Slave, name: str, member: int, known: Mapping[str, Any]) -> list[Any]:
@@ -196,10 +217,13 @@ class _Sources(Mapping[str, Source]):
 
 
 def _violation(slave: Slave, rule: Rule, numbers: str) -> RuleViolation:
-    nodes = [slave.entry.parameters[a] for a in rule.arguments if a in slave.entry.parameters]
+    """The error at a value that the rule names; where the diagram gives several, nobody knows which one is wrong."""
+    nodes = {name: slave.entry.parameters[name] for name in rule.arguments if name in slave.entry.parameters}
     # What the command line sets is what was changed last.
-    node = min(nodes, key=lambda n: n.position.line > 0, default=None)
+    node = min(nodes.values(), key=lambda n: n.position.line > 0, default=None)
     source = f" ({rule.source})" if rule.source else ""
     message = f"block {slave.name}: {slave.declaration.name} requires {rule.text}{source}"
-    fix = f"change {', '.join(a for a in rule.arguments)}" + (f"; now {numbers}" if numbers else "")
+    places = {name: f" ({n.position})" for name, n in nodes.items()} if len(nodes) > 1 else {}
+    names = ", ".join(f"{name}{places.get(name, '')}" for name in rule.arguments)
+    fix = f"change {names}" + (f"; now {numbers}" if numbers else "")
     return RuleViolation(message, node.position if node else slave.entry.position, fix)

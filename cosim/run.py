@@ -20,7 +20,7 @@ from cosim.block import Local, Output, State
 from cosim.courses import Courses
 from cosim.diagram import Diagram, MetricEntry
 from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, ResultError, Terminated, WrongValue
-from cosim.interruption import Interruption
+from cosim.interruption import Interrupted, Interruption
 from cosim.metrics import Events, Final, Reduction
 from cosim.network import Finding, Network, Signal
 from cosim.simulation import Kernels, Probes, Samples, Simulation
@@ -77,7 +77,7 @@ class Outcome:
         return [asdict(finding) for finding in self.conditions]
 
     def as_json(self) -> str:
-        """One JSON object; NaN and infinity are null."""
+        """One JSON object, as of `for_json`."""
         names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
         content = {name: getattr(self, name) for name in names}
         if self.error:
@@ -188,7 +188,7 @@ class Run:
         outcome = self._outcome(status, error, figures)
         outcome.termination = termination
         outcome.warnings += [*self.simulation.warnings(), *([termination] if termination else [])]
-        outcome.signal = interrupted.number
+        outcome.signal = interrupted.number or outcome.signal
         if writer:
             _close(writer, outcome)
         return outcome
@@ -272,9 +272,21 @@ class Run:
             self.network, {signal: courses.of_members() for signal, courses in self._courses.items()}
         )
 
+    def _judged(self) -> tuple[list[Finding], list[CosimError], int]:
+        """The conditions along the run, warnings of others, and the number of a signal that ended a rule, or 0.
+
+        A rule may never end. Nothing is lost with it but what the rules would have said.
+        """
+        try:
+            with interruption.heard():
+                return self._conditions(), _warnings(self.network), 0
+        except Interrupted as stopped:
+            where = " ".join(("no condition was judged: interrupted", *getattr(stopped, "__notes__", [])))
+            return [], [CosimError(where)], stopped.number
+
     def _outcome(self, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
         diagram = self.network.diagram
-        conditions = self._conditions()
+        conditions, warnings, signal = self._judged()
         failed = [rules.as_warning(self.network, finding) for finding in conditions if finding.holds is False]
         events = [
             Event(signal, _event_text(self.network, signal), times)
@@ -283,7 +295,7 @@ class Run:
         ]
         return Outcome(
             diagram=str(diagram.path),
-            status=status,
+            status="interrupted" if signal else status,
             steps=self.simulation.done,
             method=diagram.run.method,
             engine=self.engine,
@@ -293,7 +305,8 @@ class Run:
             results=str(self.output) if self.output else None,
             error=error,
             events=events,
-            warnings=[*self._warnings, *_warnings(self.network), *failed],
+            signal=signal,
+            warnings=[*self._warnings, *warnings, *failed],
             conditions=conditions,
             units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
             windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},

@@ -329,3 +329,41 @@ def test_an_import_that_wraps_the_interruption_is_no_mistake_of_the_file(tmp_pat
     diagram.write_text("run: {stop: 1, step: 0.1}\nblocks: {b: {python: late.py:Late}}\n")
     assert cli.main(["check", str(diagram)]) == 143
     assert capsys.readouterr().err == "interrupted by SIGTERM\n"
+
+
+ENDLESS = """
+import sys
+from cosim import Block, Output, Parameter, block
+
+class Odd(Block):
+    k = Parameter(default=1.0)
+    y = Output()
+    @block.KIND("k is odd")
+    def odd(NAME):
+        print("judged", file=sys.stderr, flush=True)
+        while True:
+            pass
+    def outputs(k, y):
+        y[0] = k
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("judged", [("check", "rule", "k"), ("check", "condition", "k"), ("run", "condition", "y")])
+def test_a_rule_that_never_ends_is_ended_by_a_signal_that_names_it(write, tmp_path, judged, number):
+    command, kind, name = judged
+    (tmp_path / "own.py").write_text(ENDLESS.replace("KIND", kind).replace("NAME", name))
+    path = write("run: {stop: 1, step: 0.1}\nblocks: {one: {python: own.py:Odd}}\nrecord: {signals: [one.y]}\n")
+    output = tmp_path / "out.nc"
+    words = [command, str(path), *(["-o", str(output)] if command == "run" else [])]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-m", "cosim", *words], **pipes) as process:
+        while "judged" not in process.stderr.readline():
+            assert process.poll() is None
+        process.send_signal(number)
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 128 + number and "Traceback" not in said
+    assert f"block one judged the {kind} `k is odd` of Odd at " in said and "own.py:" in said
+    if command == "run":
+        with results.open_result(output) as result:
+            assert (result.attrs["status"], result.attrs["steps"], len(result.times)) == ("interrupted", 10, 11)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cosim.errors import MetricError
-from cosim.metrics import REDUCTIONS, for_json, reduction
+from cosim.metrics import REDUCTIONS, for_json, from_json, reduction
 
 TIMES = np.arange(301) * 0.1
 
@@ -65,6 +65,53 @@ def test_rms_of_a_sine_over_a_period():
     assert reduce("rms", t, 3 * np.sin(2 * np.pi * t)) == pytest.approx(3 / math.sqrt(2), rel=1e-12)
 
 
+def lies_within(value, ulps, squares):
+    """Whether a root mean square is within so many units in the last place of the true one."""
+    unit, true = ulps * Fraction(math.ulp(value)), Fraction(sum(squares), len(squares))
+    return max(Fraction(value) - unit, Fraction(0)) ** 2 <= true <= (Fraction(value) + unit) ** 2
+
+
+@pytest.mark.parametrize("size", [1e-170, 1e200, 5e-324, 1.7976931348623157e308, 2.0**-511, 2.0**512, 1e-155, 1e154])
+def test_rms_of_equal_numbers_of_any_size_is_that_number(size):
+    assert reduce("rms", TIMES, np.full(301, size)) == size
+
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POWERS = st.builds(
+    lambda m, e, s: s * math.ldexp(m, e), st.floats(0.5, 1), st.integers(-1073, 1024), st.sampled_from([-1, 1])
+)
+ONE_SIZE = st.builds(
+    lambda xs, e: [math.ldexp(x, e) for x in xs], st.lists(st.floats(0, 4), min_size=1), st.integers(-1070, 1021)
+)
+
+
+@given(
+    st.one_of(st.lists(FINITE, min_size=1), st.lists(POWERS.filter(math.isfinite), min_size=1), ONE_SIZE),
+    st.integers(1, 9),
+)
+def test_rms_is_the_true_one_to_two_units_in_the_last_place(numbers, batches):
+    x = np.array(numbers)
+    value = reduce("rms", np.arange(float(len(x))), x, batches=batches)
+    assert bits(value) == bits(reduce("rms", np.arange(float(len(x))), x, batches=1))
+    assert lies_within(value, 2, [Fraction(number) ** 2 for number in numbers])
+
+
+@given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1))
+def test_figures_of_whole_numbers_up_to_64_bits(numbers):
+    x = np.array(numbers, np.int64)
+    times = np.arange(float(len(x)))
+    assert lies_within(reduce("rms", times, x), 2, [number**2 for number in numbers])
+    assert reduce("mean", times, x) == sum(numbers) / len(numbers)
+    assert reduce("mean", times, x.view(np.uint64)) == sum(number % 2**64 for number in numbers) / len(numbers)
+    assert reduce("max", times, x) == max(numbers)
+
+
+@given(st.lists(st.floats(width=32, allow_nan=False, allow_infinity=False), min_size=1))
+def test_rms_of_float32(numbers):
+    x = np.array(numbers, np.float32)
+    assert lies_within(reduce("rms", np.arange(float(len(x))), x), 2, [Fraction(number) ** 2 for number in numbers])
+
+
 def test_window_takes_its_bounds_although_times_are_rounded():
     times = np.arange(301) * 0.1  # times[3] is 0.30000000000000004
     x = np.arange(301.0)
@@ -89,17 +136,26 @@ def test_nan_is_not_hidden(name, at):
     x = np.ones((301, 3))
     x[at, 1] = np.nan
     assert math.isnan(reduce(name, TIMES, x))
-    assert json.dumps(for_json({"N": reduce(name, TIMES, x)})) == '{"N": null}'
+    assert json.dumps(for_json({"N": reduce(name, TIMES, x)})) == '{"N": "nan"}'
 
 
-def test_infinity_is_not_hidden_and_overflow_is_silent():
+def test_what_json_has_no_numbers_for_comes_back_and_null_is_no_value():
+    metrics = {"a": math.inf, "b": [-math.inf, [1.5, np.float64(np.nan)]], "c": None, "d": [{"member": 1, "time": 0.5}]}
+    text = json.dumps(for_json(metrics), allow_nan=False)
+    assert json.loads(text) == {"a": "inf", "b": ["-inf", [1.5, "nan"]], "c": None, "d": [{"member": 1, "time": 0.5}]}
+    assert repr(from_json(json.loads(text))) == repr(metrics).replace("np.float64(nan)", "nan")
+
+
+def test_infinity_is_not_hidden():
     x = np.ones(301)
     x[7] = -np.inf
     assert reduce("min", TIMES, x) == -math.inf
-    assert reduce("rms", TIMES, np.full(301, 1e300)) == math.inf
+    assert reduce("rms", TIMES, x) == math.inf
     assert reduce("mean", TIMES, x) == -math.inf
     x[8] = np.inf
     assert math.isnan(reduce("mean", TIMES, x)) and reduce("max", TIMES, x) == math.inf
+    x[9] = np.nan
+    assert math.isnan(reduce("rms", TIMES, x))
 
 
 def test_integers_and_booleans():

@@ -276,8 +276,16 @@ def test_rules_and_metrics_are_judged_beside_other_mistakes(formation, capsys):
 
 BROKEN_RULES = {
     "raises": ("1 / 0 > k", "ZeroDivisionError"),
-    "a triple": ("(True, 'a', 'b')", "ValueError"),
-    "an array": ("__import__('numpy').array([True, False])", "ValueError"),
+    "a triple": ("(True, 'a', 'b')", "TypeError: it returned .*, of type tuple"),
+    "an array": ("__import__('numpy').array([True, False])", "TypeError: it returned .*, of type ndarray"),
+    "an array of one": ("__import__('numpy').array([True])", "TypeError: it returned .*, of type ndarray"),
+    "a number": ("3.7", "TypeError: it returned 3.7, of type float"),
+    "a whole number": ("0", "TypeError: it returned 0, of type int"),
+    "a text": ("'k is odd'", "TypeError: it returned 'k is odd', of type str"),
+    "a list": ("[False, 'no']", "TypeError: it returned .*, of type list"),
+    "an empty mapping": ("{}", "TypeError: it returned {}, of type dict"),
+    "a text first": ("('no', False)", "TypeError: it returned .*, of type tuple"),
+    "a number in place of the text": ("(True, k)", "TypeError: it returned .*, of type tuple"),
 }
 
 
@@ -298,6 +306,41 @@ def test_a_rule_that_cannot_be_judged_names_its_line(write, tmp_path, capsys, ki
         rf"diagram.yaml:3:3: error: block one: the {kind} `k is odd` of Odd cannot be judged: {words}", text
     )
     assert re.search(r"fix: correct its function at \S*own.py:5", text)
+
+
+def test_nobody_can_say_is_no_answer_to_a_rule(write, tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output, Parameter, block\n"
+        "class Odd(Block):\n    k = Parameter(default=1.0)\n    y = Output()\n"
+        "    odd = block.KIND('k is odd')(lambda k: RESULT)\n"
+        "    def outputs(k, y):\n        y[0] = k\n"
+    )
+    text = (tmp_path / "own.py").read_text()
+    path = write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
+    for result in ("None", "(None, 'unknown')"):
+        (tmp_path / "own.py").write_text(text.replace("KIND", "rule").replace("RESULT", result))
+        code, said = check(path, capsys)
+        assert code == 2 and "cannot be judged: TypeError: it returned" in said
+        (tmp_path / "own.py").write_text(text.replace("KIND", "condition").replace("RESULT", result))
+        assert check(path, capsys)[0] == 0
+
+
+def test_a_broken_rule_names_every_place_that_may_be_wrong(write, tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output, Parameter, block\n"
+        "class Odd(Block):\n    a = Parameter(default=1.0)\n    b = Parameter(default=2.0)\n    y = Output()\n"
+        "    order = block.rule('a < b')(lambda a, b: a < b)\n"
+        "    def outputs(a, b, y):\n        y[0] = a + b\n"
+    )
+    path = write(
+        "run: {stop: 1, step: 0.1}\nblocks:\n  one:\n    python: own.py:Odd\n    parameters:\n      a: 3\n      b: 2\n"
+    )
+    _, text = check(path, capsys)
+    assert re.search(r"diagram.yaml:6:10: error: block one: Odd requires a < b", text)
+    assert re.search(r"fix: change a \(\S*diagram.yaml:6:10\), b \(\S*diagram.yaml:7:10\)", text)
+    path.write_text(path.read_text().replace("      a: 3\n      b: 2\n", "      b: -2\n"))
+    _, text = check(path, capsys)
+    assert re.search(r"diagram.yaml:6:10: error: block one", text) and "fix: change a, b" in text
 
 
 EXITS = ["exit(0)", "quit()", "raise SystemExit", "sys.exit('enough')"]

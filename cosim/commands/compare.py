@@ -31,12 +31,17 @@ def run(options: argparse.Namespace) -> int:
     result = comparison.compare(options.first, options.second, options.tolerance)
     if options.json:
         content: dict[str, Any] = {
-            "same": result.parted is None and result.agrees,
+            "same": result.same,
             "agree": result.agrees,
+            "status": [ending.status for ending in result.endings],
+            "message": [ending.message for ending in result.endings],
             "parted": result.parted and vars(result.parted),
             "beyond": result.beyond and vars(result.beyond),
             "metrics": list(result.metrics),
             "only": list(result.only),
+            "shapes": result.shapes,
+            "units": result.units,
+            "types": result.types,
             "ends": result.ends,
             "figures": result.figures,
         }
@@ -68,4 +73,6 @@ def _metrics(result: Comparison) -> Table:
         values = [format_value(metrics[name]) if name in metrics else "" for metrics in result.metrics]
         change = format_change(second[name], first, name) if name in first and name in second else ""
         rows.append([name, *values, change])
-    return Table("", ["metric", *(path.stem for path in result.paths), "change"], rows)
+    stems = [path.stem for path in result.paths]
+    names = stems if stems[0] != stems[1] else map(str, result.paths)
+    return Table("", ["metric", *names, "change"], rows)

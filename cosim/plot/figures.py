@@ -240,16 +240,20 @@ def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[st
         chosen = list(signals) or default_signals(first)
         if not chosen:
             raise PlotError(f"{paths[0]} holds no signals", fix="add `record:` to the diagram")
-        panels = [panel for name in chosen for panel in _panels_of(first, name)]
+        if empty := [path for path, result in zip(paths, runs.values(), strict=True) if not len(result.times)]:
+            raise PlotError(f"{empty[0]} has no samples", fix="its run ended before the first one; run it again")
+        panels = [panel for name in chosen for panel in _panels_of(list(runs.values()), name)]
         stack.enter_context(style.style())
         style.save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
     return chosen
 
 
-def _panels_of(result: Result, text: str) -> list[Panel]:
-    """The panels of a signal: one, or one for each channel if it has several of many members."""
-    signal = result.signals.get(text)
-    shape = signal.shape if signal else ()
+def _panels_of(runs: Sequence[Result], text: str) -> list[Panel]:
+    """The panels of a signal: one, or one for each channel if it has several of many members, in the largest fleet."""
+    shapes = [result.signals[text].shape for result in runs if text in result.signals]
+    shape = max(shapes, default=())
+    if any(other[1:] != shape[1:] for other in shapes):
+        return [Panel([text])]
     if len(shape) != 2 or shape[0] * shape[1] <= lines.NAMED or shape[1] > MOST_CHANNELS:
         return [Panel([text])]
     names = [str(i + 1) for i in range(shape[0])]

@@ -79,31 +79,41 @@ def _legends(figure: Any, axes: Sequence[Any], runs: int, columns: int) -> None:
             axis.legend(loc="best")
 
 
+@dataclass(frozen=True)
+class _Line:
+    """A line of a panel. number: which of its run's, from 0; runs of other fleets have other numbers of lines."""
+
+    run: str
+    number: int
+    curve: Curve
+
+
 def _panel(axis: Any, runs: Mapping[str, Result], panel: Panel) -> None:
     from matplotlib.ticker import NullFormatter
 
-    found = [(run, curve) for run, result in runs.items() for curve in _curves(result, panel)]
-    _refuse_unused(panel, runs, [curve for _, curve in found])
+    found = [_Line(run, k, c) for run, result in runs.items() for k, c in enumerate(_curves(result, panel))]
+    each = max((line.number + 1 for line in found), default=0)
+    _refuse_unused(panel, each, [line.curve for line in found])
     many = len(found) > NAMED
-    names = _names(runs, panel, [curve for _, curve in found])
-    each = max(len(found) // max(len(runs), 1), 1)
-    for k, (_, curve) in enumerate(found):
+    for k, (line, name) in enumerate(zip(found, _names(runs, panel, found, each), strict=True)):
         # Several lines of several runs: the colour tells which line it is, the dash which run.
-        look = style.line(k) if each == 1 or len(runs) == 1 else style.line(k % each, k // each)
-        axis.plot(curve.times, curve.values, label=names[k], **look | ({"linewidth": 0.7} if many else {}))
+        alike = each == 1 or len(runs) == 1
+        look = style.line(k) if alike else style.line(line.number, list(runs).index(line.run))
+        thin = {"linewidth": 0.7} if many else {}
+        axis.plot(line.curve.times, line.curve.values, label=name, **look | thin)
     for name, value in panel.thresholds.items():
         axis.axhline(value, color="#505050", linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=1)
         axis.annotate(
             name, (1, value), (-3, 2), xycoords=("axes fraction", "data"), textcoords="offset points",
             ha="right", va="bottom", fontsize=7, color="#505050",
         )  # fmt: skip
-    values = [curve.values for _, curve in found]
+    values = [line.curve.values for line in found]
     reaches_zero = panel.limits is not None and panel.limits[0] <= 0
     if panel.log if panel.log is not None else _is_wide(values) and not reaches_zero:
         axis.set_yscale("log", nonpositive="mask")
         axis.yaxis.set_minor_formatter(NullFormatter())
         _limit_decades(axis, values)
-    units = {curve.unit for _, curve in found}
+    units = {line.curve.unit for line in found}
     unit = style.unit_text(units.pop()) if len(units) == 1 and not panel.derivative else ""
     label = panel.label or (panel.signals[0] if len(panel.signals) == 1 else "")
     axis.set_ylabel(f"{label} ({unit})" if unit else label)
@@ -129,9 +139,8 @@ def _curves(result: Result, panel: Panel) -> list[Curve]:
     return [Curve(c.label, x, _slope(x, c.values) if panel.derivative else c.values, c.unit) for c in found]
 
 
-def _refuse_unused(panel: Panel, runs: Mapping[str, Result], found: Sequence[Curve]) -> None:
-    """Raises: PlotError for names without a line, and for a span without a sample."""
-    each = len(found) // max(len(runs), 1)
+def _refuse_unused(panel: Panel, each: int, found: Sequence[Curve]) -> None:
+    """Raises: PlotError for more names than a run has lines, and for a span without a sample."""
     if len(panel.names) > each:
         message = f"there are {len(panel.names)} names for {each} line{'s' if each != 1 else ''}"
         raise PlotError(message, panel.places.get("names"), fix="one name for each line, in the order of the signals")
@@ -157,16 +166,15 @@ def _slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return slope
 
 
-def _names(runs: Mapping[str, Result], panel: Panel, found: Sequence[Curve]) -> list[str]:
+def _names(runs: Mapping[str, Result], panel: Panel, found: Sequence[_Line], each: int) -> list[str]:
     """What each line is called: the run, the signal, or both, whatever tells them apart; units where they differ."""
-    each = len(found) // max(len(runs), 1)
-    own = [panel.names[k % each] if each and k % each < len(panel.names) else c.label for k, c in enumerate(found)]
-    if len({curve.unit for curve in found}) > 1:
-        units = [style.unit_text(curve.unit) for curve in found]
+    own = [panel.names[n] if (n := line.number) < len(panel.names) else line.curve.label for line in found]
+    if len({line.curve.unit for line in found}) > 1:
+        units = [style.unit_text(line.curve.unit) for line in found]
         own = [f"{name} ({unit})" if unit else name for name, unit in zip(own, units, strict=True)]
     if each <= 1 and len(runs) > 1:
-        return list(runs)
-    return own if len(runs) == 1 else [f"{list(runs)[k // each]}: {name}" for k, name in enumerate(own)]
+        return [line.run for line in found]
+    return own if len(runs) == 1 else [f"{line.run}: {name}" for line, name in zip(found, own, strict=True)]
 
 
 def _is_wide(values: Sequence[np.ndarray]) -> bool:

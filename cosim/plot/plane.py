@@ -38,12 +38,15 @@ class Plane:
 
 
 def read_positions(result: Result, name: str, place: Position | None = None) -> np.ndarray:
-    """Where bodies are (k, bodies, at least 2). Raises: PlotError, ResultError."""
+    """Where bodies are (k, bodies, at least 2), NaN where that is not finite. Raises: PlotError, ResultError."""
     _, x = read(result, name)
     if x.ndim != 3 or x.shape[2] < 2:
         raise PlotError(f"`{name}` is no list of positions", place, fix="name a signal of shape (bodies, 2 or more)")
     if not len(x):
         raise PlotError(f"{result.path} has no samples", place, fix="run the diagram again")
+    x = np.where(np.isfinite(x), x, np.nan)  # matplotlib leaves out what is nowhere, but for its axes
+    if not np.isfinite(x[:, :, :2]).all(axis=2).any():
+        raise PlotError(f"no position in `{name}` is finite", place, fix="name another signal, or record a longer run")
     return x
 
 

@@ -113,8 +113,9 @@ def _beside(results: Results, rows: list[Row]) -> Table:
     lines = []
     for item in words.compared(results.study, rows, results.reductions):
         theirs = [f"{item.theirs[o]:.3g}" if o in item.theirs else "" for o in origins]
-        ratios = [f"{item.ours / item.theirs[o]:.3g}" if item.theirs.get(o) else "" for o in origins]
-        lines.append([item.variant, item.metric, f"{item.ours:.3g}", *theirs, *ratios])
+        ours = item.ours
+        ratios = [f"{ours / item.theirs[o]:.3g}" if ours is not None and item.theirs.get(o) else "" for o in origins]
+        lines.append([item.variant, item.metric, "—" if ours is None else f"{ours:.3g}", *theirs, *ratios])
     return Table("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
 
 
@@ -153,11 +154,11 @@ def _picture(figure: Figure, file: Path) -> str:
 
 def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, dict[str, np.ndarray]]:
     """For each point of the grid the values of a metric in each variant."""
-    found: dict[str, dict[str, list[float]]] = {}
+    found: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
         point = ", ".join(f"{axis.name} = {tables.label(study, row, axis.name)}" for axis in study.grid)
         found.setdefault(point, {}).setdefault(row["variant"], []).append(scalar(row["metrics"].get(metric)))
-    return {point: {name: np.array(v) for name, v in groups.items()} for point, groups in found.items()}
+    return {point: {name: np.array(v, float) for name, v in groups.items()} for point, groups in found.items()}
 
 
 def _timing(results: Results, rows: list[Row]) -> str:

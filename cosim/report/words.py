@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,11 +26,14 @@ EVENTS_OF = 12
 
 @dataclass(frozen=True)
 class Compared:
-    """One figure of ours beside one from elsewhere. metric: its name, with the statistic if it is of several runs."""
+    """One figure of ours, None if there is none, beside one from elsewhere.
+
+    metric: its name, with the statistic if it is of several runs.
+    """
 
     variant: str
     metric: str
-    ours: float
+    ours: float | None
     theirs: dict[str, float]
 
 
@@ -54,7 +58,7 @@ def differences(study: Study, rows: list[Row], reductions: Mapping[str, str]) ->
     for origin in study.origins:
         own = [item for item in items if origin in item.theirs]
         agree = [item for item in own if _agree(item.ours, item.theirs[origin])]
-        lower = [item for item in own if item.ours <= item.theirs[origin]]
+        lower = [item for item in own if item.ours is not None and item.ours <= item.theirs[origin]]
         yield (
             f"{len(own)} figures beside {origin}: {len(agree)} agree within {100 * AGREES:.0f} %, "
             f"{len(lower)} are at or below."
@@ -64,20 +68,20 @@ def differences(study: Study, rows: list[Row], reductions: Mapping[str, str]) ->
                 yield difference(f"{item.variant}, {item.metric}", item.ours, origin, item.theirs[origin])
 
 
-def difference(name: str, ours: float, origin: str, theirs: float) -> str:
+def difference(name: str, ours: float | None, origin: str, theirs: float) -> str:
     """How our figure lies to one from elsewhere that it does not agree with."""
-    if np.isnan(ours):
+    if ours is None:
         return f"{name}: no value here, {theirs:.3g} in {origin}."
     text = f"{name}: {ours:.3g} here, {theirs:.3g} in {origin}"
     ratio = ours / theirs if theirs else 0.0
-    if ratio <= 0:
+    if not 0 < ratio < math.inf:
         return f"{text}."
     size = f"{max(ratio, 1 / ratio):.3g} times" if max(ratio, 1 / ratio) >= 2 else f"{100 * abs(ratio - 1):.0f} %"
     return f"{text}: {size} {'smaller' if ratio < 1 else 'larger'}{' in size' if ours < 0 else ''}."
 
 
-def _agree(ours: float, theirs: float) -> bool:
-    return abs(ours - theirs) <= AGREES * abs(theirs)
+def _agree(ours: float | None, theirs: float) -> bool:
+    return ours is not None and abs(ours - theirs) <= AGREES * abs(theirs)
 
 
 def events(study: Study, rows: list[Row]) -> Iterator[str]:
@@ -181,7 +185,7 @@ def confidence(good: int, count: int, level: float = 0.95) -> tuple[float, float
 
 def _holds(question: Question, row: Row) -> bool:
     number = scalar(row["metrics"].get(str(question.metric.value)))
-    complete = row["status"] == "completed"
+    complete = row["status"] == "completed" and number is not None
     return complete and bool(satisfies(np.array(number), question.above, question.below))
 
 

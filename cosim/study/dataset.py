@@ -65,13 +65,13 @@ def netcdf_name(name: str) -> str:
     return name.replace("/", ".")
 
 
-def scalar(value: Any) -> float:
-    """A metric as one number: events are counted; NaN where there is none."""
+def scalar(value: Any) -> float | None:
+    """A metric as one number: events are counted; None where there is none."""
     if isinstance(value, bool | int | float):
         return float(value)
     if isinstance(value, list) and all(isinstance(item, dict) for item in value):
         return float(len(value))
-    return float("nan")
+    return None
 
 
 def _coordinates(study: Study) -> dict[str, Variable]:
@@ -96,6 +96,7 @@ def _variables(results: Results, shape: tuple[int, ...]) -> dict[str, Variable]:
         return found[name][1]
 
     units = {name: {"units": unit} if unit else {} for name, unit in _units(results).items()}
+    absent: dict[str, None] = {}
     for at, row in enumerate(results.rows()):
         column("status", "", object, {"long_name": "how the run ended"})[at] = row["status"]
         column("reason", "", object, {"long_name": "why it ended before its end"})[at] = row["reason"]
@@ -107,7 +108,12 @@ def _variables(results: Results, shape: tuple[int, ...]) -> dict[str, Variable]:
             about = {"long_name": "whether each condition of a theorem holds along the run, as JSON; null: unknown"}
             column("conditions", "", object, about)[at] = json.dumps(verdicts, ensure_ascii=False)
         for name, value in row["metrics"].items():
-            _put(column, at, name, value, units.get(name, {}))
+            if value is None:
+                absent[name] = None
+            else:
+                _put(column, at, name, value, units.get(name, {}))
+    for name in absent:  # if no member has it: its shape is that of those which do
+        column(name, np.nan, float, units.get(name, {}))
     draws = _drawn(results)
     return {**{k: (d, v.reshape(*shape, *v.shape[1:]), a) for k, (d, v, a) in found.items()}, **draws}
 
@@ -118,7 +124,7 @@ def _put(column: Any, at: int, name: str, value: Any, about: dict[str, str]) -> 
         column(name, np.nan, float, {"long_name": "number of events"})[at] = len(value)
         column(f"{name}_events", "", object, {"long_name": "events as JSON"})[at] = json.dumps(value)
         return
-    array = np.array(value, float)  # null is NaN
+    array = np.array(value, float)
     target = column(name, np.nan, float, about, array.shape)
     if target.shape[1:] == array.shape:
         target[at] = array

@@ -1,4 +1,4 @@
-"""Runs one member of a study to a row: one small dictionary with everything that is kept of it."""
+"""Runs one member of a study to a row: one small dictionary, as JSON has it, with everything that is kept of it."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError
+from cosim.metrics import from_json
 from cosim.source import Node
 from cosim.study import executors, member, plan
 from cosim.study.draws import Draws
@@ -84,7 +85,7 @@ class Results:
         for number, chosen in enumerate(plan.members(self.study, self.draws)):
             key = self.keys[number]
             row = self.refused[number] if key is None else self.store[key]
-            yield {**row, **identity(chosen)}
+            yield {**row, "metrics": from_json(row["metrics"]), **identity(chosen)}
 
 
 def identity(chosen: Member) -> Row:
@@ -117,7 +118,8 @@ def run_one(study: Study, name: str, folder: Path) -> tuple[Member, Row]:
     chosen = plan.find(study, variants.draws(), name)
     if study.record is None:
         study.record = Node({}, next(iter(study.variants.values())).diagram_position)
-    return chosen, member.run(variants, chosen, member_file(folder, chosen), lambda time: None)
+    row = member.run(variants, chosen, member_file(folder, chosen), lambda time: None)
+    return chosen, {**row, "metrics": from_json(row["metrics"])}
 
 
 def member_file(folder: Path, chosen: Member) -> Path:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ResultError
+from cosim.metrics import REDUCTIONS, reduction
 from cosim.source import Node
 from cosim.study import names
 from cosim.study.dataset import metric_names, scalar
@@ -23,12 +24,15 @@ from cosim.study.running import FAILED, Results
 
 @dataclass
 class Table:
-    """A table as text, and its cells as numbers: values[row][column]. notes: sentences to be read with it."""
+    """A table as text, and its cells as numbers: values[row][column], None where there is none.
+
+    notes: sentences to be read with it.
+    """
 
     title: str
     head: list[str]
     rows: list[list[str]]
-    values: list[list[float]] = field(default_factory=list)
+    values: list[list[float | None]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
@@ -52,7 +56,7 @@ def write(results: Results, made: Sequence[Table]) -> None:
                 writer.writerow(table.head)
                 labels = len(table.head) - len(table.values[0]) if table.values else 0
                 for texts, values in zip(table.rows, table.values, strict=True):
-                    writer.writerow([*texts[:labels], *map(repr, values)])
+                    writer.writerow([*texts[:labels], *values])
         except OSError as error:
             fix = "choose a folder that you may write to"
             raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
@@ -126,19 +130,37 @@ def heading(column: Column) -> str:
     return column.heading if name in words else f"{column.heading}, {name}"
 
 
-def cell(column: Column, rows: list[Row]) -> float:
-    """A column's figure over some members; a share counts all of them, a statistic those that have the metric."""
-    numbers = np.array([scalar(row["metrics"].get(str(column.metric.value))) for row in rows])
+def cell(column: Column, rows: list[Row]) -> float | None:
+    """A column's figure over some members; a share counts all of them, a statistic those that have the metric.
+
+    None if none has it. A NaN among them makes every statistic NaN, as in a run.
+    """
+    found = [scalar(row["metrics"].get(str(column.metric.value))) for row in rows]
+    numbers = np.array([number for number in found if number is not None])
     if column.above is not None or column.below is not None:
-        return float(np.mean(satisfies(numbers, column.above, column.below)))
-    numbers = numbers[~np.isnan(numbers)]
+        return float(satisfies(numbers, column.above, column.below).sum() / len(found))
     if not numbers.size:
-        return math.nan
-    if isinstance(column.statistic, float):
-        return float(np.quantile(numbers, column.statistic))
-    if column.statistic == "rms":
-        return float(np.sqrt(np.mean(np.square(numbers))))
-    return float(getattr(np, column.statistic or "max")(numbers))
+        return None
+    return _statistic("max" if column.statistic is None else column.statistic, numbers)
+
+
+def _statistic(name: str | float, numbers: np.ndarray) -> float:
+    """One of `STATISTICS`, or a quantile, of at least one number."""
+    if name in REDUCTIONS:
+        figure = reduction(str(name))
+        figure.update(np.zeros(numbers.size), numbers)
+        return float(figure.value())
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN is what lies between two infinities
+        return float(np.std(numbers)) if name == "std" else _quantile(numbers, 0.5 if name == "median" else float(name))
+
+
+def _quantile(numbers: np.ndarray, share: float) -> float:
+    """As of `np.quantile`, which makes NaN of infinities: of two neighbours, the infinite one has all the weight."""
+    if not np.isinf(numbers).any() or np.isnan(numbers).any():
+        return float(np.quantile(numbers, share))
+    ordered, place = np.sort(numbers), share * (numbers.size - 1)
+    low, high = ordered[math.floor(place)], ordered[math.ceil(place)]
+    return float(low + high if np.isinf([low, high]).any() else low + (high - low) * (place % 1))
 
 
 def satisfies(numbers: np.ndarray, above: float | None, below: float | None) -> np.ndarray:
@@ -165,5 +187,5 @@ def _at(study: Study, row: Row, dimension: str) -> Any:
     return row["grid"][[axis.name for axis in study.grid].index(dimension)]
 
 
-def _text(value: float, column: Column) -> str:
-    return "—" if math.isnan(value) else format(value, column.format)
+def _text(value: float | None, column: Column) -> str:
+    return "—" if value is None else format(value, column.format)

@@ -205,7 +205,7 @@ def test_a_scale_is_the_same_with_a_second_run(result, tmp_path):
 
 def test_channels_of_many_members_have_panels_units_and_names_of_their_own(result, tmp_path):
     with open_result(result) as opened, style.style():
-        panels = figures._panels_of(opened, "plant.x")
+        panels = figures._panels_of([opened], "plant.x")
         made = lines.draw({"run": opened}, panels)
         labels = [axis.get_ylabel() for axis in made.axes]
         (legend,) = made.legends
@@ -369,3 +369,47 @@ def test_without_a_signal_on_the_other_axis_the_derivative_is_that_over_time(res
     with open_result(result) as opened, style.style():
         (line,) = lines.draw({"run": opened}, [panel]).axes[0].get_lines()
         assert np.allclose(line.get_ydata()[1:-1], 0.3 - np.sin(opened.times)[1:-1], atol=0.01)
+
+
+def fleet(path, count, channels=2):
+    """A result with a signal of a fleet: member i has the value i."""
+    x = np.ones((5, count, channels)) * np.arange(1, count + 1)[:, None]
+    with ResultWriter(path, [Signal("b.x", x.shape[1:], fleet="ship")], {}) as writer:
+        writer.append(np.arange(5.0), {"b.x": x})
+    return path
+
+
+@pytest.mark.parametrize("counts", [(2, 4), (4, 2), (6, 7), (7, 6), (1, 3)])
+def test_lines_of_two_fleets_are_called_by_their_own_run_and_member(tmp_path, counts):
+    paths = [fleet(tmp_path / f"run{count}.nc", count) for count in counts]
+    with Result(paths[0]) as one, Result(paths[1]) as two:
+        runs = {path.stem: result for path, result in zip(paths, (one, two), strict=True)}
+        panels = figures._panels_of([one, two], "b.x")
+        axes = drawn(runs, panels)
+    told = [(line.get_label(), line.get_ydata()[0]) for axis in axes for line in axis.get_lines()]
+    assert len(told) == 2 * sum(counts)
+    for label, value in told:
+        run, _, name = label.partition(": ")
+        member = re.sub(r"b\.x\[(\d+),\d+\]", r"\1", name)
+        assert int(member) == value and value <= int(run.removeprefix("run"))
+    assert main(["plot", *map(str, paths), "-o", str(tmp_path / "p.svg")]) == 0
+
+
+def test_a_run_without_samples_makes_no_empty_picture(tmp_path, capsys):
+    with ResultWriter(tmp_path / "none.nc", [Signal("b.x")], {}):
+        pass
+    assert main(["plot", str(tmp_path / "none.nc")]) == 2
+    assert "none.nc has no samples" in capsys.readouterr().err
+    assert not (tmp_path / "none.png").exists()
+
+
+def test_bodies_that_are_nowhere_do_not_stretch_a_moving_picture(tmp_path, capsys):
+    x = np.ones((5, 3, 2)) * np.arange(3)[:, None]
+    x[2:, 1] = np.inf
+    for name, values in (("part", x), ("none", np.full((5, 3, 2), np.nan))):
+        with ResultWriter(tmp_path / f"{name}.nc", [Signal("swarm.x", (3, 2))], {}) as writer:
+            writer.append(np.arange(5.0), {"swarm.x": values})
+    assert main(["plot", "--animate", str(tmp_path / "part.nc")]) == 0
+    capsys.readouterr()
+    assert main(["plot", "--animate", str(tmp_path / "none.nc")]) == 2
+    assert "no position in `swarm.x` is finite" in capsys.readouterr().err

@@ -77,7 +77,9 @@ def test_a_browser_shows_tables_and_pictures_without_a_network(report, tmp_path)
         (1.5, 1.0, "m: 1.5 here, 1 in X: 50 % larger."),
         (-3.0, -1.0, "m: -3 here, -1 in X: 3 times larger in size."),
         (-1.0, 1.0, "m: -1 here, 1 in X."),
-        (float("nan"), 1.0, "m: no value here, 1 in X."),
+        (None, 1.0, "m: no value here, 1 in X."),
+        (float("nan"), 1.0, "m: nan here, 1 in X."),
+        (float("inf"), 1.0, "m: inf here, 1 in X."),
     ],
 )
 def test_differences_in_words(ours, theirs, expected):

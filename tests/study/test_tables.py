@@ -1,11 +1,13 @@
 """Tables: what is reduced how, what headings say of it, and that rows and labels are not mixed up."""
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cosim.metrics import REDUCTIONS
+from cosim.report import words
 from cosim.study import dataset, tables
 from cosim.study.model import OVER_RUNS, STATISTICS
 from cosim.study.tables import markdown
@@ -141,3 +143,85 @@ def test_a_table_of_any_title_is_written_into_the_folder(results, tmp_path, titl
 )
 def test_a_share_counts_what_is_beyond_all_limits(above, below, expected):
     assert tables.satisfies(np.array([0.0, 1.0, 2.0, np.nan]), above, below).tolist() == expected
+
+
+ODD = """
+import math
+from cosim import Block, Output, Parameter
+
+class Odd(Block):
+    k = Parameter()
+    y = Output(finite=False)
+    def outputs(k, y):
+        if k == 4.0:
+            raise ValueError("four")
+        y[0] = math.nan if k == 0.0 else math.inf if k == 1.0 else -math.inf if k == 2.0 else k
+"""
+ODD_DIAGRAM = """
+    run: {stop: 1, step: 0.5}
+    blocks: {odd: {python: odd.py:Odd, parameters: {k: 3}}}
+    metrics: {y: {signal: odd.y, reduce: max}}
+    """
+ODD_STUDY = """
+    diagram: diagram.yaml
+    grid: {blocks.odd.parameters.k: [0, 1, 2, 3, 4]}
+    tables:
+      each: {rows: odd.k, columns: [y]}
+      all:
+        rows: variant
+        columns: {big: {metric: y, above: 2}, most: {metric: y, over: max}}
+    explain: {baseline: base, metric: y, above: 2}
+    """
+
+
+def test_nan_and_infinity_are_figures_and_no_value_is_none(results, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    (tmp_path / "odd.py").write_text(ODD)
+    done = results(ODD_STUDY, ODD_DIAGRAM)
+    each, every = made = tables.tables(done)
+    assert [row[1:] for row in each.rows] == [["nan"], ["inf"], ["-inf"], ["3"], ["—"]]
+    assert every.rows == [["base", "40.0%", "nan"]]
+    tables.write(done, made)
+    lines = (tmp_path / "results" / "each.csv").read_text().splitlines()
+    assert lines[1:] == ["0,nan", "1,inf", "2,-inf", "3,3.0", "4,"]
+    assert "y above 2 in 2 of 5 runs" in next(words.explanation(done.study, list(done.rows())))
+    dataset.write(tmp_path / "study.nc", done)
+    with xarray.open_dataset(tmp_path / "study.nc", engine="h5netcdf") as data:
+        assert np.array_equal(data.y.values.ravel(), [np.nan, np.inf, -np.inf, 3.0, np.nan], equal_nan=True)
+
+
+INF = float("inf")
+
+
+@pytest.mark.parametrize(
+    ("statistic", "numbers", "expected"),
+    [
+        ("max", [1.0, None, INF], INF),
+        ("max", [None, None], None),
+        ("min", [1.0, float("nan")], float("nan")),
+        ("median", [INF, INF], INF),
+        ("median", [-INF, 1.0, INF], 1.0),
+        (0.25, [-INF, 1.0], -INF),
+        (0.25, [1.0, INF], INF),
+        (0.0, [1.0, INF], 1.0),
+        ("mean", [-INF, INF], float("nan")),
+        ("mean", [1e308, 1.5e308], 1.25e308),
+        ("rms", [1e200, 1e200], 1e200),
+        ("rms", [3e-170, 4e-170], 12.5**0.5 * 1e-170),
+    ],
+)
+def test_statistics_of_numbers_that_are_odd(statistic, numbers, expected):
+    column = tables.Column("m", tables.Node("m", None), statistic)
+    found = tables.cell(column, [{"metrics": {"m": number}} for number in numbers])
+    assert found is expected if expected is None else found == pytest.approx(expected, rel=1e-15, abs=0, nan_ok=True)
+
+
+def test_a_member_without_an_array_loses_none_of_the_others():
+    """The first member has no final value, the second has three."""
+    rows = [{"metrics": {"m": None}}, {"metrics": {"m": [1.0, 2.0, 3.0]}}]
+    rows = [{"status": "completed", "reason": "", "steps": 1, "seconds": 0.0, **row} for row in rows]
+    study = SimpleNamespace(dimensions=("variant",), variants=())
+    done = SimpleNamespace(study=study, rows=lambda: iter(rows), draws=None)
+    dimensions, values, _ = dataset._variables(done, (2,))["m"]
+    assert dimensions == ("variant", "m_axis0")
+    assert np.array_equal(values, [[np.nan] * 3, [1.0, 2.0, 3.0]], equal_nan=True)
