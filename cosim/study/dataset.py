@@ -69,9 +69,7 @@ def scalar(value: Any) -> float | None:
     """A metric as one number: events are counted; None where there is none."""
     if isinstance(value, bool | int | float):
         return float(value)
-    if isinstance(value, list) and all(isinstance(item, dict) for item in value):
-        return float(len(value))
-    return None
+    return float(len(value)) if _is_events(value) else None
 
 
 def _coordinates(study: Study) -> dict[str, Variable]:
@@ -96,7 +94,7 @@ def _variables(results: Results, shape: tuple[int, ...]) -> dict[str, Variable]:
         return found[name][1]
 
     units = {name: {"units": unit} if unit else {} for name, unit in _units(results).items()}
-    absent: dict[str, None] = {}
+    shapes = _shapes(results.rows())
     for at, row in enumerate(results.rows()):
         column("status", "", object, {"long_name": "how the run ended"})[at] = row["status"]
         column("reason", "", object, {"long_name": "why it ended before its end"})[at] = row["reason"]
@@ -108,26 +106,41 @@ def _variables(results: Results, shape: tuple[int, ...]) -> dict[str, Variable]:
             about = {"long_name": "whether each condition of a theorem holds along the run, as JSON; null: unknown"}
             column("conditions", "", object, about)[at] = json.dumps(verdicts, ensure_ascii=False)
         for name, value in row["metrics"].items():
-            if value is None:
-                absent[name] = None
-            else:
-                _put(column, at, name, value, units.get(name, {}))
-    for name in absent:  # if no member has it: its shape is that of those which do
-        column(name, np.nan, float, units.get(name, {}))
+            _put(column, at, name, value, units.get(name, {}), shapes[name])
     draws = _drawn(results)
     return {**{k: (d, v.reshape(*shape, *v.shape[1:]), a) for k, (d, v, a) in found.items()}, **draws}
 
 
-def _put(column: Any, at: int, name: str, value: Any, about: dict[str, str]) -> None:
-    """One metric of one member: a number, an array, or events as their number and their text."""
-    if isinstance(value, list) and all(isinstance(item, dict) for item in value):
+def _put(column: Any, at: int, name: str, value: Any, about: dict[str, str], shape: tuple[int, ...]) -> None:
+    """One metric of one member: a number, an array, or events as their number and their text.
+
+    shape: that of the largest member; of a smaller one the first elements are there, the others NaN.
+    """
+    if _is_events(value):
         column(name, np.nan, float, {"long_name": "number of events"})[at] = len(value)
         column(f"{name}_events", "", object, {"long_name": "events as JSON"})[at] = json.dumps(value)
         return
-    array = np.array(value, float)
-    target = column(name, np.nan, float, about, array.shape)
-    if target.shape[1:] == array.shape:
-        target[at] = array
+    target = column(name, np.nan, float, about, shape)
+    if value is not None:
+        array = np.array(value, float, ndmin=len(shape))
+        target[(at, *map(slice, array.shape))] = array
+
+
+def _is_events(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, dict) for item in value)
+
+
+def _shapes(rows: Iterable[Row]) -> dict[str, tuple[int, ...]]:
+    """For each metric the least shape into which every member's array fits; further axes come before an array's own."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for row in rows:
+        for name, value in row["metrics"].items():
+            own = () if value is None or _is_events(value) else np.shape(value)
+            known = shapes.setdefault(name, own)
+            rank = max(len(own), len(known))
+            pairs = zip(*((1,) * (rank - len(shape)) + shape for shape in (own, known)), strict=True)
+            shapes[name] = tuple(max(pair) for pair in pairs)
+    return shapes
 
 
 def _drawn(results: Results) -> dict[str, Variable]:

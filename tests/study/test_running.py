@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cosim.cli import main
@@ -330,3 +331,28 @@ def test_processes_end_with_the_first_one_however_that_ends(tmp_path):
     while any(map(runs, found)) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert len(found) == 3 and not any(map(runs, found))
+
+
+def test_members_of_different_sizes_lose_no_element(results, tmp_path):
+    """Of a fleet that the grid makes larger, in whatever order, and of a metric that is a number in one variant."""
+    xarray = pytest.importorskip("xarray")
+    diagram = DIAGRAM.replace("{x: [[0, 0], [1, 1], [2, 2]]}", "{x: 1}").replace(
+        "fleets: {robot: 3}", "fleets: {robot: 2}"
+    )
+    diagram = diagram.replace("reduce: max", "reduce: final")
+    text = """
+        diagram: diagram.yaml
+        variants: {several: , one: {metrics: {top: {signal: swing.x}}}}
+        grid: {fleets.robot: [1, 4, 2]}
+        """
+    done = results(text, diagram)
+    dataset.write(tmp_path / "study.nc", done)
+    rows = {(row["variant"], *row["grid"]): row["metrics"]["top"] for row in done.rows()}
+    with xarray.open_dataset(tmp_path / "study.nc") as data:
+        tops = data["top"].values
+    assert tops.shape == (2, 3, 4, 2)
+    for k, count in enumerate((1, 4, 2)):
+        member = np.array(rows["several", k])
+        assert member.shape == (count, 2)
+        assert np.array_equal(tops[0, k, :count], member) and np.isnan(tops[0, k, count:]).all()
+        assert tops[1, k, 0, 0] == rows["one", k] and np.isnan(tops[1, k].ravel()[1:]).all()
