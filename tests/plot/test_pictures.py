@@ -249,6 +249,27 @@ def test_bodies_of_different_times_never_cover_each_other(result):
         assert panels(0, 0.1, 0.2) == 4  # one of them empty
 
 
+def test_a_panel_shows_all_bodies_of_its_time(result):
+    with open_result(result) as opened, style.style():
+        x, radius = opened["plant.x"], opened["plant.radius"]
+        figure = plane.draw(opened, plane.Plane("plant.x", "reference.x_d", "plant.radius", (0, 2.5, 3)))
+        for axis, k in zip(figure.axes, (0, 25, 30), strict=False):
+            for q, (low, high) in enumerate((axis.get_xlim(), axis.get_ylim())):
+                assert low <= np.min(x[k, :, q] - radius[k]) and np.max(x[k, :, q] + radius[k]) <= high
+                assert high - low < 6  # beside a circle of 1 m
+
+
+def test_positions_may_have_no_heading(tmp_path, capsys):
+    path, times = tmp_path / "points.nc", np.linspace(0, 1, 5)
+    x = np.stack([np.outer(times, [1.0, 2.0]), np.outer(times, [0.0, 1.0])], axis=2)
+    with ResultWriter(path, [Signal("plant.pose", (2, 2))], {}) as writer:
+        writer.append(times, {"plant.pose": x})
+    output = ["-o", str(tmp_path / "a.gif")]
+    assert main(["plot", str(path), "--animate", *output]) == 2
+    assert "say which: --positions plant.pose" in " ".join(capsys.readouterr().err.split())
+    assert main(["plot", str(path), "--animate", *output, "--positions", "plant.pose"]) == 0
+
+
 def test_a_heading_ends_at_the_rim_and_leaves_the_number_free():
     with style.style() as pyplot:
         body = plane.Body(pyplot.gca(), "1", np.array([1.0, 2.0, np.pi / 2]), 0.4, "#000000")
