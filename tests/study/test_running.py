@@ -1,7 +1,9 @@
 """Running a study: all members, once; what fails is recorded; what was killed goes on."""
 
+import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,7 +16,7 @@ import pytest
 from cosim.cli import main
 from cosim.errors import ResultError
 from cosim.results import open_result
-from cosim.study import dataset, running
+from cosim.study import dataset, display, running
 from cosim.study.running import Options
 from cosim.study.store import Store
 from tests.study.conftest import DIAGRAM, STUDY, written
@@ -230,6 +232,20 @@ def test_who_watches_is_told_of_every_member_that_is_done(study, tmp_path):
     results = running.run(study(), options)
     assert (results.ran, results.reused) == (12, 12)
     assert [done for done, _ in told] == sorted({done for done, _ in told}) and told[-1] == (24, 24) and len(told) == 12
+
+
+def test_the_time_left_is_that_of_the_members_that_run(monkeypatch):
+    """Five were done before, one a second runs since: 18 more take 18 s; what needed no run says nothing about it."""
+    now = [100.0]
+    monkeypatch.setattr(display.time, "perf_counter", lambda: now[0])
+    monkeypatch.setenv("TERM", "xterm")
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    with display.Counter(terminal) as counter:
+        for done in range(6, 13):
+            counter.update(done, 30)
+            now[0] += 1.0
+    assert "12/30" in terminal.getvalue() and re.search(r"\b18 s left", terminal.getvalue())
 
 
 def test_sigkill_loses_nothing_that_is_done(tmp_path):
