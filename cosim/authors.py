@@ -17,7 +17,7 @@ from typing import Any, cast
 from cosim import naming
 from cosim.adapters import is_scalar, variable_of
 from cosim.author_source import Text, arguments_of, function_text, shown
-from cosim.block import Declaration, Function, Local, State
+from cosim.block import Declaration, Function, Local, State, Variable
 from cosim.dataflow import Effects, LeftOut, effects, scope_of
 from cosim.errors import CosimError, DeclarationError, Position, Problems, nearest
 from cosim.shared_operations import unshared
@@ -117,11 +117,25 @@ class _Reporter:
             yield self.mistake(node, what, f"write it in place: {self.element(wanted)} = …")
         if self.function.kind not in ("update", "start"):
             for place in found.stale:
-                if place.name in self.required():
+                if place.name in self.required() or self.keeps(place.name):
                     what = f"reads `{place.name}` before it is written, when it holds what an earlier call left"
                     fix = f"write it first, such as {self.element(place.name)} = 0.0"
                     yield self.mistake(place.node, what, fix)
         yield from self.unwritten(found)
+
+    def keeps(self, name: str) -> bool:
+        """Whether a work space is read where it is written next, and nothing was put into it before in the call."""
+        mentions = [
+            n for n in ast.walk(self.text.node) if isinstance(n, ast.Subscript) and ast.unparse(n.value) == name
+        ]
+        updated = [n.target for n in ast.walk(self.text.node) if isinstance(n, ast.AugAssign)]
+        writes = [n for n in mentions if isinstance(n.ctx, ast.Store)]
+        reads = [n for n in mentions if isinstance(n.ctx, ast.Load) or n in updated]
+        first = min((n.lineno for n in writes), default=0)
+        return any(
+            read.lineno <= first and any(ast.unparse(read.slice) == ast.unparse(write.slice) for write in writes)
+            for read in reads
+        )
 
     def unwritten(self, found: Effects) -> Iterator[DeclarationError]:
         """Results that some path does not write, and work space that no statement does."""
@@ -156,11 +170,11 @@ class _Reporter:
         return self.mistake(left.loop, what, f"loop over range({size}), or write {element} too")
 
     def required(self) -> frozenset[str]:
-        """What has to be written on every path: all but work space, and what comes with the state's value."""
+        """What has to be written on every path: all but arrays of work space, and what comes with the state's value."""
         if self.function.kind == "update":
             return frozenset()
         variables = self.declaration.variables
-        return frozenset(n for n in self.function.writes if not isinstance(variables.get(n), Local))
+        return frozenset(n for n in self.function.writes if not _is_work_space(variables.get(n)))
 
     def of_names(self, complete: bool) -> Iterator[DeclarationError]:
         """Names that stand for nothing, and local names that hide a variable of the block."""
@@ -246,6 +260,11 @@ class _Reporter:
             return "y[0]"
         axes = len(variable_of(self.declaration, name).shape)
         return f"{name}[{', '.join('qkj'[:axes]) or 0}]"
+
+
+def _is_work_space(variable: Variable | None) -> bool:
+    """A Local of which a call may use a part; one number is recorded as it is, and has to be this call's."""
+    return isinstance(variable, Local) and variable.shape != ()
 
 
 def called(function: Function) -> str:

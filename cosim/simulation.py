@@ -31,7 +31,7 @@ from cosim.errors import (
     Problems,
 )
 from cosim.network import Signal, Slave
-from cosim.table import Call, Place, Table, copy_of
+from cosim.table import UNWRITTEN, Call, Place, Table, copy_of
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 BATCH_SECONDS = 0.04
@@ -339,8 +339,10 @@ class Simulation:
             raise self._divergence()
         self._raise_fault(int(self.control[engine.AT]))
 
-    def _divergence(self) -> Diverged:
+    def _divergence(self) -> CosimError:
         """The error for the value that the loop found to be not finite."""
+        if unwritten := self._unwritten():
+            return unwritten
         offset = int(self.control[engine.ELEMENT])
         signal, instance, element = self.table.owner(offset)
         slave, variable = self.table.network.slaves[signal.slave], self.table.network.variable(signal)
@@ -354,6 +356,24 @@ class Simulation:
         is_state = isinstance(variable, State)
         fix = "try a smaller step, or look at what drives it" if is_state else "look at what it is computed from"
         return Diverged(message, slave.entry.position, fix)
+
+    def _unwritten(self) -> BlockFailed | None:
+        """The error for the first function, in the order of evaluation, that has not written a number of its own."""
+        for call in self.table.calls:
+            slave = self.table.network.slaves[call.slave]
+            for name, place in zip(call.function.arguments, call.arguments, strict=True):
+                mark = UNWRITTEN.get(place.dtype) if place and name in call.function.writes else None
+                if place is None or mark is None or slave.declaration.foreign:
+                    continue
+                for k in range(call.count):
+                    left = np.argwhere(place.view(self.arena, k).view(mark.dtype) == mark)
+                    if len(left):
+                        element = f"{name}[{','.join(str(i + 1) for i in left[0])}]" if len(left[0]) else name
+                        member = f" of {slave.fleet} {k + 1}" if slave.fleet else ""
+                        message = f"block {slave.name}: {call.function.name}() has not written `{element}`{member}"
+                        fix = f"write every element of `{name}`, and before it is read"
+                        return BlockFailed(f"{message} at t = {self.time:g} s", slave.entry.position, fix)
+        return None
 
     def _raise_fault(self, operation: int) -> None:
         """Tell what went wrong in a call, from what it left behind."""

@@ -54,14 +54,15 @@ class _Lost:
         return f"{self.section}.{self.name}" if self.section else self.name
 
 
-def settle(entry: BlockEntry, declaration: Declaration, problems: Problems) -> Swap | None:
+def settle(entry: BlockEntry, declaration: Declaration, problems: Problems, code: bool = True) -> Swap | None:
     """Leave out of an entry what its type does not declare of that which was written for another; None for no swap.
 
-    What is left out without `drop:` goes to `problems` as one DroppedValue with the lines to paste.
+    code: whether the replaced type, whose units are asked for, may be imported. What is left out without `drop:` goes
+    to `problems` as one DroppedValue with the lines to paste.
     """
     if entry.type.replaces is None:
         return None
-    before = _replaced(entry)
+    before = _replaced(entry, code)
     known: dict[str, dict[str, Variable]] = {
         "parameters": {v.name: v for v in declaration.of(Parameter)},
         "start": {v.name: v for v in declaration.startable()},
@@ -137,13 +138,13 @@ def _short(value: Any) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 
-def _replaced(entry: BlockEntry) -> Declaration | None:
-    """The declaration of the replaced type, where that is a block of a library: other code is not run for it."""
+def _replaced(entry: BlockEntry, code: bool) -> Declaration | None:
+    """The declaration of the replaced type, where it can be had."""
     from cosim import library
 
     assert entry.type.replaces
     kind, node = entry.type.replaces
-    if kind != "block":
+    if kind == "diagram" or not (code or kind == "block"):
         return None
     try:
         return library.find(BlockEntry(entry.name, kind, node, node.position)).declaration

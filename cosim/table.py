@@ -8,15 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from cosim import engine, order
 from cosim.adapters import FAULT_WORDS, run_time_dimensions, variable_of
-from cosim.block import Function, Input, Parameter, State, Variable
+from cosim.block import CalculatedParameter, Function, Input, Output, Parameter, State, Variable
 from cosim.errors import FmuError
 from cosim.memory import ALIGNMENT, private
 from cosim.network import Network, Signal, Slave
+
+#: What stands where no function has written yet: a NaN that arithmetic does not make.
+UNWRITTEN: dict[Any, Any] = {
+    np.dtype(float): np.uint64(0x7FF8_C051_0000_0000),
+    np.dtype(np.float32): np.uint32(0x7FC0_C051),
+}
 
 
 @dataclass(frozen=True)
@@ -163,6 +170,7 @@ class _Builder:
         for slave, state in continuous:
             size = slave.nbytes(state)
             self._place(slave, state, Place(at, size if slave.count > 1 else 0, slave.shape(state), state.dtype))
+            self._fill(slave, state, at - self.vectors["X"] + self.vectors["D"])
             at += size * slave.count
         for kind in ("float64", "float32", ""):
             begin = self._allocate(0)
@@ -192,7 +200,8 @@ class _Builder:
             self.next[Signal(slave.name, state.name)] = self._store(slave, state, slave.count)
         for name in sorted({name for f in order.needed_outputs(slave) for name in f.writes}):
             variable = slave.declaration.variables[name]
-            self.scratch[Signal(slave.name, name)] = self._store(slave, variable, slave.count)
+            self.scratch[Signal(slave.name, name)] = place = self._store(slave, variable, slave.count)
+            self._fill(slave, variable, place.offset)
 
     def _place(self, slave: Slave, variable: Variable, place: Place) -> None:
         signal = Signal(slave.name, variable.name)
@@ -203,6 +212,14 @@ class _Builder:
             self.given[signal] = [(place.offset, instances)]
             full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
             self.writes.append((place.offset, np.array(full, variable.dtype)))
+        elif isinstance(variable, (Output, CalculatedParameter)):
+            self._fill(slave, variable, place.offset)
+
+    def _fill(self, slave: Slave, variable: Variable, offset: int) -> None:
+        """Mark what an author's function is to write, so that what it leaves out does not pass for a zero."""
+        if variable.finite and variable.dtype in UNWRITTEN and not slave.declaration.foreign:
+            mark = UNWRITTEN[variable.dtype]
+            self.writes.append((offset, np.full(slave.count * slave.nbytes(variable) // mark.itemsize, mark)))
 
     def _connect(self, slave: Slave, port: str) -> None:
         """The place of a wired input: its source's own memory, or new memory where several sources are joined."""

@@ -90,6 +90,7 @@ class _Wiring:
     def __init__(self, diagram: Diagram, problems: Problems, code: bool) -> None:
         self.diagram = diagram
         self.problems = problems
+        self.code = code
         self.unchecked = [e.name for e in diagram.blocks.values() if e.kind == "python" and not code]
         self.missing: dict[str, list[tuple[Node, str]]] = {}
         self.portless: dict[tuple[str, str], list[tuple[Node, str]]] = {}
@@ -136,7 +137,7 @@ class _Wiring:
         from cosim import library
 
         block: type[Block] = library.find(entry)
-        swap = swaps.settle(entry, block.declaration, self.problems)
+        swap = swaps.settle(entry, block.declaration, self.problems, self.code)
         if swap:
             self.swaps.append(swap)
         run = self.diagram.run

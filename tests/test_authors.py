@@ -300,6 +300,16 @@ UNWRITTEN = {
         "reads `y` before it is written",
         r"y\[q\] = 0.0",
     ),
+    "a number of its own that is kept": (
+        "def outputs(s, w, y):\n    w[0] = w[0] + s  #!\n    w[1] = s\n    fill(y, w[0])",
+        "reads `w` before it is written, when it holds what an earlier call left",
+        "",
+    ),
+    "a sum in a work space": (
+        "def outputs(u, s, w, y):\n    for q in range(2):\n        w[q] += u[q]  #!\n    fill(y, w[0])",
+        "reads `w` before it is written, when it holds what an earlier call left",
+        "",
+    ),
     "read first as a whole": (outputs("u, w, y", W, "y += u  #!"), "reads `y` before it is written", ""),
     "read first to the left": (outputs("u, w, y", W, "y[:] = y * u  #!"), "reads `y` before it is written", ""),
     "read first to the right": (outputs("u, w, y", W, "y[:] = u * y  #!"), "reads `y` before it is written", ""),
@@ -531,7 +541,6 @@ CORRECT = {
         outputs("s, w, y", W, "if s > 0.0:", "    fill(y, s)", "else:", '    raise ValueError("too small")'),
     ),
     "work space on one path": (outputs("s, w, y", Y, "if s > 0.0:", f"    {W}"),),
-    "work space is read first": (outputs("s, w, y", "w[0] += s", Y),),
     "a slice": (outputs("s, w, y", W, "y[:] = s"),),
     "a tuple target": (outputs("s, w, y", "w[0], y[0] = 1.0, s"),),
     "an endless loop that ends": (
@@ -636,6 +645,9 @@ CORRECT = {
     "a private function": ("def _helper(a):\n    return a",),
     "time": (outputs("time, w, y", W, "fill(y, time)"),),
     "min and max": (outputs("u, s, w, y", W, "fill(y, min(max(s, u[0]), abs(s)) + int(s) + round(s))"),),
+    "a work space read beside where it is written": (
+        "def outputs(u, w, y):\n    for q in range(2):\n        y[q] = w[q - 1] if q > 0 else 0.0\n        w[q] = u[q]",
+    ),
     "if True": (outputs("s, w, y", W, "if True:", f"    {Y}"),),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -208,3 +209,57 @@ def test_an_infinite_start_is_refused_at_its_line(wired, start):
     with pytest.raises(DiagramErrors, match=f"block lag: state `x` starts as {start.replace('.', '')}") as caught:
         wired(FLEET.replace('[0.5, "i"]', f"[0.5, {start}]"))
     assert caught.value.errors[0].position.line == 6
+
+
+UNWRITTEN = """
+from cosim import Block, CalculatedParameter, Output, Parameter, State
+
+class Outputs(Block):
+    y = Output("n")
+    def outputs(time, y):
+        for q in range(2):
+            y[q] = time
+
+class Derivatives(Block):
+    x = State("n", start=1.0, output=True)
+    def derivatives(x, d_x):
+        for q in range(2):
+            d_x[q] = -x[q]
+
+class Calculate(Block):
+    p = Parameter(default=2.0)
+    c = CalculatedParameter("n")
+    y = Output()
+    def calculate(p, c):
+        for q in range(2):
+            c[q] = p
+    def outputs(c, y):
+        y[0] = c[0]
+
+class Narrow(Block):
+    y = Output("n", dtype="float32")
+    def outputs(time, y):
+        for q in range(2):
+            y[q] = time
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Outputs", r"outputs\(\) has not written `y\[3\]` of robot 1 at t = 0 s"),
+        ("Derivatives", r"derivatives\(\) has not written `d_x\[3\]` of robot 1 at t = 0.1 s"),
+        ("Calculate", r"calculate\(\) has not written `c\[3\]` of robot 1 at t = 0 s"),
+        ("Narrow", r"outputs\(\) has not written `y\[3\]` of robot 1 at t = 0 s"),
+    ],
+)
+def test_what_a_function_leaves_out_is_no_zero(tmp_path, engine, name, said):
+    """Sizes are known only when the diagram is wired."""
+    (tmp_path / "own.py").write_text(UNWRITTEN)
+    text = "run: {stop: 1, step: 0.1}\nfleets: {robot: 2}\nblocks:\n"
+    text += f"  b: {{python: own.py:{name}, per: robot, dimensions: {{n: 3}}}}\n"
+    (tmp_path / "d.yaml").write_text(text)
+    outcome = run.Run(run.load(tmp_path / "d.yaml"), engine).execute()
+    assert outcome.status == "failed" and re.search(f"block b: {said}", str(outcome.error))
+    assert run.Run(run.load(tmp_path / "d.yaml", ["blocks.b.dimensions.n=2"]), engine).execute().status == "completed"

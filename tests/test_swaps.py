@@ -141,8 +141,12 @@ def test_nothing_takes_away_what_was_written_for_another_type_too(folder):
     assert (swap.keeps, swap.drops) == (("integrator",), ())
 
 
+def test_a_name_in_another_unit_is_not_the_same_between_files(folder):
+    (error,) = mistakes("base.yaml", swaps=["body=own.py:Grams"])
+    assert "parameters.mass at base.yaml:6:18 (in kg there, in g here)" in error.message
+
+
 def test_a_name_in_another_unit_is_not_the_same(folder, monkeypatch):
-    """Units of a type that is replaced are known where it is a library's, whose code is there anyway."""
     import own_blocks_of_this_test as own
 
     from cosim import library

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim import rules
 from cosim.block import Declaration, Dimension, Variable
 from cosim.diagram import Diagram, RunSettings
 from cosim.entry import BlockEntry
@@ -40,7 +41,7 @@ IGNORED: dict[type, set[str]] = {
     | {"dropped", "unfit"},  # what is not there
     Declaration: {"doc", "foreign"}  # words; an FMU is fed by its content
     | {"home", "mistakes"}  # the class, whose functions are fed; with mistakes nothing runs
-    | {"rules"},  # they judge a member before it runs, and one that breaks them has no row
+    | {"rules"},  # a member that breaks them before it runs has no row; those that are judged along it are fed
     Dimension: {"description"},
 }
 """For each class the fields on which no figure depends, or that are in the key by another way."""
@@ -56,6 +57,8 @@ def structure(network: Network, table: Table, kernels: Kernels) -> bytes:
         _feed(digest, part)
     modules = [module.meaning if module else "python" for module in (*kernels.modules.values(), kernels.loop)]
     _feed(digest, modules)
+    for slave, rule, _ in rules.along(network):
+        _feed(digest, [slave.name, rule.text, rule.source, fingerprint(rule.function)])
     for slave in network.slaves.values():
         if slave.entry.kind == "fmu":
             digest.update(_content(slave.entry.path, slave.entry.path.stat().st_mtime_ns))

@@ -56,6 +56,15 @@ def test_each_member_keeps_the_verdicts(waves):
     ]
 
 
+def test_an_edited_condition_is_judged_anew(waves, tmp_path):
+    waves()
+    (tmp_path / "blocks.py").write_text(WAVE.replace("y.largest < 2.0", "y.largest < 20.0"))
+    results = waves()
+    assert (results.ran, results.reused) == (4, 0)
+    assert all(row["conditions"][LOW] for row in results.rows())
+    assert waves().reused == 4
+
+
 def test_a_fleet_has_one_verdict():
     def finding(text, holds):
         return Finding("a", text, "", holds, "")
