@@ -11,7 +11,7 @@ import ast
 import builtins
 import dis
 from collections.abc import Iterable, Iterator
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, cast
 
 from cosim import naming
@@ -181,7 +181,8 @@ class _Reporter:
         code = self.function.python.__code__
         scope = scope_of(cast(FunctionType, self.function.python))
         own = set(code.co_varnames) | set(code.co_cellvars) | set(code.co_freevars)
-        meant = {*self.declaration.variables, *(f"d_{s.name}" for s in self.declaration.of(State))}
+        declared = self.declaration.variables
+        meant = {*declared, *(f"d_{s.name}" for s in self.declaration.of(State))}
         meant |= {f"next_{s.name}" for s in self.declaration.of(State)} | {"time"}
         reported = set()
         for node in ast.walk(self.text.node):
@@ -196,6 +197,12 @@ class _Reporter:
                 reported.add(name)
                 what = f"uses `{name}`, a variable of the block that it does not name as an argument"
                 yield self.mistake(node, what, f"add `{name}` to the arguments of {self.function.name}()")
+            elif name in declared and name not in own and _is_data(scope.get(name)):
+                reported.add(name)
+                what = f"uses `{name}` of the module, not the variable `{name}` of the block"
+                yield self.mistake(
+                    node, what, f"add `{name}` to the arguments of {self.function.name}(), or rename one"
+                )
             elif complete and name not in own and name not in scope and name not in self.arguments_of_inner():
                 reported.add(name)
                 known = {*self.function.arguments, *own, *meant, *self.function.python.__globals__}
@@ -260,6 +267,11 @@ class _Reporter:
             return "y[0]"
         axes = len(variable_of(self.declaration, name).shape)
         return f"{name}[{', '.join('qkj'[:axes]) or 0}]"
+
+
+def _is_data(value: Any) -> bool:
+    """Whether a value of a module is one to compute with."""
+    return value is not None and not callable(value) and not isinstance(value, ModuleType)
 
 
 def _is_work_space(variable: Variable | None) -> bool:

@@ -66,6 +66,16 @@ _MEANINGS = (
         f"write it with loops and `math`, {PLAIN}",
     ),
     (
+        r"a real number is put into an array of \w+",
+        "puts a real number where a whole number or a truth value has its place",
+        "write int(…), or declare the variable without dtype",
+    ),
+    (
+        r"Unknown attribute '(?P<a>\w+)' of type Module\(<module '(?!math'|numpy)(?P<b>[\w.]+)'",
+        "calls `{b}.{a}` by its module, which compiled code cannot follow",
+        "write `from {b} import {a}` at the top of the file",
+    ),
+    (
         r"Unknown attribute '(?P<a>\w+)' of type Module\(<module '(?P<b>[\w.]+)'",
         "uses `{b}.{a}`, which compiled code does not have",
         f"write it with loops and `math`, {PLAIN}",
@@ -96,6 +106,10 @@ _TYPES = (
 )
 
 
+#: How lines begin that tell where numba was, not what is wrong.
+_DEBRIS = ("Failed in", "During:", "File ", "def ", "<numba.", "<source")
+
+
 def explained(error: Exception, who: str, place: str) -> KernelError:
     """What the compiler says of a function, at the innermost line of an author's that it names.
 
@@ -112,8 +126,8 @@ def explained(error: Exception, who: str, place: str) -> KernelError:
     for pattern, what, fix in _MEANINGS:
         if match := re.search(pattern, text, re.S if "global" in pattern else 0):
             groups = {k: _words(v) for k, v in match.groupdict().items()}
-            return KernelError(f"{who} {what.format(**groups)}", _position(file, line, None), fix)
-    said = [s.strip() for s in text.splitlines() if s.strip() and not s.startswith(("Failed in", "During:", "File "))]
+            return KernelError(f"{who} {what.format(**groups)}", _position(file, line, None), fix.format(**groups))
+    said = [s.strip() for s in text.splitlines() if s.strip() and not s.startswith(_DEBRIS)]
     what = f"cannot be compiled: {' '.join(said[:2]) if said else type(error).__name__}"
     return KernelError(f"{who} {what}", _position(file, line, None), f"write it with loops and `math`, {PLAIN}")
 

@@ -6,6 +6,7 @@ are imported, and the block classes that they define are known by their names.
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
 import importlib.util
@@ -22,13 +23,14 @@ from pathlib import Path
 from types import ModuleType
 
 from cosim import importing, installed, source
-from cosim.author_source import shown
+from cosim.author_source import place_of, shown
 from cosim.block import Block, mistakes_wait
 from cosim.entry import BlockEntry
 from cosim.errors import (
     AmbiguousBlock,
     BlockImportError,
     CosimError,
+    DeclarationError,
     DiagramErrors,
     Position,
     Problems,
@@ -91,6 +93,9 @@ def import_file(path: Path) -> ModuleType:
                     exec(compile(content, str(real), "exec"), module.__dict__)
             except (Exception, SystemExit, importing.Stuck) as error:
                 problems.add(_import_error(error, path, str(real.parent)))
+            else:
+                for twice in _classes_twice(ast.parse(content), str(real)):
+                    problems.add(twice)
             for mistake in _mistakes(module, real.parent):
                 problems.add(mistake)
             _imported.update(n for n in set(sys.modules) - before if installed.package(n) != "cosim")
@@ -145,6 +150,16 @@ def _mistakes(module: ModuleType, folder: Path) -> Iterator[CosimError]:
         if home is module or (home and _is_inside(home, folder)):
             yield from block.declaration.mistakes
             yield from authors.mistakes(block.declaration)
+
+
+def _classes_twice(tree: ast.Module, file: str) -> Iterator[DeclarationError]:
+    """Classes of a file that a later one of the same name replaces."""
+    first: set[str] = set()
+    for statement in tree.body:
+        if isinstance(statement, ast.ClassDef) and statement.name in first:
+            what = f"class {statement.name} is defined twice, and the first definition is lost"
+            yield DeclarationError(what, place_of(file, statement), "give one of them another name")
+        first |= {statement.name} if isinstance(statement, ast.ClassDef) else set()
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import itertools
 import os
 import reprlib
+import sys
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -129,7 +131,9 @@ def _judge(
 
 def _verdict(slave: Slave, rule: Rule, arguments: Iterable[Any]) -> tuple[bool | None, str]:
     try:
-        return _read(rule, rule.function(*arguments))
+        with redirect_stdout(sys.stderr):  # standard output may be one JSON object
+            answer = rule.function(*arguments)
+        return _read(rule, answer)
     except _SeveralSources as several:
         return None, str(several)
     except KeyboardInterrupt as stopped:  # it may never end, and then nobody else knows where it is

@@ -19,7 +19,17 @@ from cosim import metrics as reductions
 from cosim.block import Local, Output, State
 from cosim.courses import Courses
 from cosim.diagram import Diagram, MetricEntry
-from cosim.errors import CosimError, DiagramErrors, Diverged, MetricError, Problems, ResultError, Terminated, WrongValue
+from cosim.errors import (
+    CosimError,
+    DiagramErrors,
+    Diverged,
+    MetricError,
+    Problems,
+    ResultError,
+    Terminated,
+    WrongValue,
+    nearest,
+)
 from cosim.interruption import Interrupted, Interruption
 from cosim.metrics import Events, Final, Reduction
 from cosim.network import Finding, Network, Signal
@@ -131,9 +141,7 @@ class Run:
         if engine == "native" and kernels is None:
             kernels = simulation.compile_table(built)
         elif engine == "python":
-            from cosim import authors
-
-            authors.check(slave.declaration for slave in network.slaves.values())
+            simulation.compile_table(built)  # for what it refuses, so that both engines do the same things
         compiled = clock.perf_counter() - compiling
         self.kernels_compiled = kernels.compiled if kernels else 0
         self.simulation = Simulation(built, kernels, self._probes())
@@ -404,6 +412,9 @@ def _cut(network: Network, found: Mapping[str, tuple[Signal, Reduction]]) -> Ite
         if cut and reduction.holds_sample(run.step, run.steps):
             message = f"metric {name}: its window ({reduction}) ends after the run, at {run.stop:g} s"
             yield MetricError(message, diagram.metrics[name].position, "leave `to` out, or let the run last as long")
+    used = {slave.fleet for slave in network.slaves.values() if slave.fleet}
+    for name in diagram.fleets.keys() - used if used else ():
+        yield WrongValue(f"no block is `per: {name}`, so the fleet `{name}` changes nothing", None, nearest(name, used))
     for slave in network.slaves.values():
         period = slave.entry.period
         if period and float(period.value) > run.stop * (1 + 1e-9):

@@ -385,7 +385,7 @@ class Simulation:
         slave = self.table.network.slaves[call.slave]
         member = f" of {slave.fleet} {fault.instance + 1}" if slave.fleet else ""
         message = f"block {call.slave}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
-        fix = "run with `--engine python` to step through the block"
+        fix = "set a breakpoint in the block" if self._interpreted else "run with `--engine python` to step through it"
         raise BlockFailed(message, slave.entry.position, fix) from (self._causes[-1] if self._causes else None)
 
     def value(self, signal: Signal) -> np.ndarray:

@@ -304,6 +304,8 @@ class _Composer:
             return "indent with spaces, not tabs"
         if "mapping values" in message:
             return "indent the line like its neighbours, and quote text that contains `: `"
+        if "flow " in message and (wire := re.search(r"[\w/]+\.\w+\[[\d.]+\]", line)):
+            return f'quote a wire that takes members: "{wire[0]}"'
         if "flow " in message:
             return "close the bracket, and put a comma between two values"
         if "quoted scalar" in message:

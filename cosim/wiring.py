@@ -413,7 +413,10 @@ class _Wiring:
             (node, taker), others = _sorted(uses)
             message = f"block {taker}: {source.name} ({name}) has no output `{port}`"
             message += f", which others name at {others}" if others else ""
-            self.problems.add(UnknownPort(message, node.position, nearest(port, outputs) or "it has no outputs"))
+            fix = nearest(port, outputs) or "it has no outputs"
+            if (whole := port.partition("[")[0]) in outputs:
+                fix = f"members are counted from 1, such as {whole}[2] or {whole}[1..3]"
+            self.problems.add(UnknownPort(message, node.position, fix))
         for name, uses in self.missing.items() if self.slaves else ():
             (node, taker), others = _sorted(uses)
             message = f"`{node.value}` names no block of the diagram"

@@ -1,5 +1,6 @@
 """Every mistake ends in exit code 2 and a message that names block, port, file:line:column and the fix."""
 
+import json
 import re
 
 import pytest
@@ -477,3 +478,49 @@ def test_command_line_settings_that_name_nothing(write, capsys):
     ):
         code, text = check(path, capsys, option, value)
         assert code == 2 and words in text and f"{option} {value}" in text
+
+
+def test_a_wire_of_members_without_quotes(write, capsys):
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  b: {type: Lag, inputs: {u: source.y[1..2]}}\n"
+    code, said = check(write(text), capsys)
+    assert code == 2 and 'quote a wire that takes members: "source.y[1..2]"' in said, said
+
+
+@pytest.mark.parametrize("members", ["[2..1]", "[0]", "[1:2]"])
+def test_members_that_are_none_are_told_how_to_be_written(write, capsys, members):
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  s: {type: Sine}\n"
+    text += f'  b: {{type: Lag, inputs: {{u: "s.y{members}"}}}}\n'
+    code, said = check(write(text), capsys)
+    assert code == 2 and "members are counted from 1, such as y[2] or y[1..3]" in said, said
+
+
+def test_what_a_rule_prints_is_not_in_the_json(tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output, Parameter, rule\n\nclass Own(Block):\n    k = Parameter(default=1.0)\n"
+        "    y = Output()\n    def outputs(k, y):\n        y[0] = k\n    @rule('k is fit')\n    def fit(k):\n"
+        "        print('looking')\n        return True\n"
+    )
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {b: {python: own.py:Own}}\n")
+    assert cli.main(["run", str(tmp_path / "d.yaml"), "--json", "-o", str(tmp_path / "d.nc")]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["status"] == "completed" and "looking" in said.err
+
+
+def test_a_number_of_the_module_does_not_stand_for_a_parameter(tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output, Parameter\n\nk = 2.0\n\nclass Own(Block):\n    k = Parameter(default=5.0)\n"
+        "    y = Output()\n    def outputs(y):\n        y[0] = k\n"
+    )
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {b: {python: own.py:Own}}\n")
+    assert cli.main(["check", str(tmp_path / "d.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert "uses `k` of the module, not the variable `k` of the block" in said and ":9:16" in said
+
+
+def test_two_classes_of_one_name_are_a_mistake(tmp_path, capsys):
+    block = "class Own(Block):\n    y = Output()\n    def outputs(time, y):\n        y[0] = {} * time\n"
+    (tmp_path / "own.py").write_text(f"from cosim import Block, Output\n{block.format(1)}{block.format(2)}")
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {b: {python: own.py:Own}}\n")
+    assert cli.main(["check", str(tmp_path / "d.yaml")]) == 2
+    said = capsys.readouterr().err
+    assert "own.py:6:1: error: class Own is defined twice, and the first definition is lost" in said, said

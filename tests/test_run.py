@@ -96,3 +96,15 @@ def test_rows_that_are_no_events_fail_the_run_at_the_metrics_line(wired):
     assert outcome.status == "failed" and outcome.error.position.line == 7
     assert "`events` found the row [7, -1]" in outcome.error.message
     assert outcome.metrics["m"] is None and math.isclose(outcome.metrics["other"], 3)
+
+
+def test_a_fleet_that_no_block_is_mapped_over_is_warned_of(wired):
+    """An overlay that means to make the fleet larger, and misspells it."""
+    text = TIMER.replace("blocks:", "fleets: {robot: 2, robots: 5}\nblocks:").replace(
+        "type: Clock", "type: Clock, per: robot"
+    )
+    warnings = Run(wired(text.replace("clock.t, reduce", "clock.t, reduce"))).execute().warnings
+    assert [(w.message, w.fix) for w in warnings] == [
+        ("no block is `per: robots`, so the fleet `robots` changes nothing", "did you mean `robot`?")
+    ]
+    assert not Run(wired(text.replace(", robots: 5", ""))).execute().warnings

@@ -303,8 +303,9 @@ class _StudyReader:
         rows = node.value.get("rows")
         given = rows.value if rows and isinstance(rows.value, list) else [rows] if rows else []
         names = tuple(self._dimension(n, f"{where}.rows", study) for n in given)
+        known = [any(name == n.value or name.endswith(f".{n.value}") for name in study.dimensions) for n in given]
         for k, name in enumerate(names):
-            if name in names[:k]:
+            if name in names[:k] and known[k]:
                 self.reader.wrong(given[k], f"`{where}.rows` has `{name}` twice", "write it once", WrongValue)
         columns = node.value.get("columns")
         transpose = "transpose" in node.value and self.reader.truth(node.value["transpose"], f"{where}.transpose")

@@ -278,3 +278,10 @@ def test_a_variant_lies_over_its_diagram_and_may_take_away_what_that_says(study)
     assert set(variants.base("bare").diagram.metrics) == {"top", "last"}
     assert "w" in variants.base("plain").diagram.blocks["swing"].parameters
     assert "w" not in variants.base("bare").diagram.blocks["swing"].parameters
+
+
+def test_an_unknown_row_is_one_mistake(study):
+    with pytest.raises(DiagramErrors) as caught:
+        study(STUDY.rstrip() + "\n    tables: {t: {rows: [variant, tau]}}\n")
+    (error,) = caught.value.errors
+    assert "tau" in error.message
