@@ -67,6 +67,16 @@ static Status execute(Instance *i, Range range, double time) {
     return conclude(i, engine_execute(time, i->arena, c), warnings, time);
 }
 
+/* The same in the middle of the initialization, when what comes later has not been written yet. */
+static Status execute_part(Instance *i, Range range, double time) {
+    int64_t *c = i->control;
+    c[ENGINE_N_PUBLISHED] = c[ENGINE_N_PUBLISHED32] = 0;
+    const Status status = execute(i, range, time);
+    c[ENGINE_N_PUBLISHED] = (int64_t)model.n_published;
+    c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
+    return status;
+}
+
 /* n steps from step k; for n = 0 the operations of `point` once, as of step k. */
 static Status run(Instance *i, Range point, int64_t n) {
     int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
@@ -96,7 +106,7 @@ static Status initialize(Instance *i) {
     for (uint32_t s = 0; s < model.n_started && status < ERROR; s++) {
         const Started *started = &model.started[s];
         part.end = started->operation + 1;
-        status = worse(status, execute(i, part, i->at.start));
+        status = worse(status, execute_part(i, part, i->at.start));
         part.begin = part.end;
         const uint8_t *shadow = i->arena + started->shadow;
         for (uint64_t b = 0; b < started->bytes; b++)
