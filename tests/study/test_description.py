@@ -52,6 +52,8 @@ def test_settings_change_the_study(study):
         ("blocks.a.start.x.0.1", "a.x.0.1"),
         ("run.step", "run.step"),
         ("blocks.a.period", "blocks.a.period"),
+        ("blocks.a.dimensions.n", "blocks.a.dimensions.n"),
+        ("other.a.parameters.k", "other.a.parameters.k"),
     ],
 )
 def test_an_axis_has_a_name_of_its_own_whatever_others_there_are(path, name):
