@@ -119,7 +119,10 @@ class Output(Variable):
 
 
 class Local(Variable):
-    """A quantity that recordings, measuring blocks and other locals may read, ports may not; also a work space."""
+    """A quantity that recordings, measuring blocks and other locals may read, ports may not.
+
+    Also a work space, whose content lasts for a call: what is to last longer is a State.
+    """
 
     causality = "local"
 

@@ -37,7 +37,7 @@ from cosim.errors import ResultError, nearest
 from cosim.metrics import for_json, from_json
 
 Array = NDArray[Any]
-JSON_ATTRIBUTES = ("settings", "versions", "seconds", "metrics", "conditions")
+JSON_ATTRIBUTES = ("settings", "versions", "seconds", "metrics", "reductions", "conditions")
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."  # with the size, %10d: netCDF-4's own mark
 CHUNK_BYTES = 64 * 1024
@@ -318,10 +318,16 @@ def open_result(path: str | Path) -> Result:
     return Result(path)
 
 
-def read_metrics(path: str | Path) -> dict[str, Any]:
-    """The metrics in a result file; none if its run did not come to an end. Raises: ResultError."""
+def read_metrics(path: str | Path, reductions: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The metrics in a result file; none if its run did not come to an end. Raises: ResultError.
+
+    reductions: what each metric means, as of `Run.reductions`; then those alone that meant the same.
+    """
     with open_result(path) as result:
-        return result.attrs.get("metrics", {})
+        metrics, before = result.attrs.get("metrics", {}), result.attrs.get("reductions")
+    if reductions is None or before is None:
+        return metrics
+    return {name: value for name, value in metrics.items() if before.get(name) == reductions.get(name)}
 
 
 def refuse_foreign(path: Path) -> None:

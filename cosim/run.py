@@ -162,6 +162,11 @@ class Run:
         return last or isinstance(reduction, Events)
 
     @property
+    def reductions(self) -> dict[str, str]:
+        """What each metric is, in words: two of one name that differ here are not to be compared."""
+        return {name: f"{reduction} of {signal}" for name, (signal, reduction) in self.metrics.items()}
+
+    @property
     def simulation_step(self) -> float:
         """The communication step (s)."""
         return self.network.diagram.run.step
@@ -267,6 +272,7 @@ class Run:
             "settings": settings,
             "method": diagram.run.method,
             "engine": self.engine,
+            "reductions": self.reductions,
             **self.attributes,
         }
         recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]

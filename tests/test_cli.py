@@ -64,6 +64,14 @@ def test_the_table_says_what_changed_since_the_run_before(cosim, write):
     assert "previous" in changed and "%" in changed
 
 
+@pytest.mark.parametrize("other", ["reduce=min", "signal=second.x", "from=0.5"])
+def test_a_metric_that_means_something_else_is_not_compared_with_the_run_before(cosim, write, other):
+    path = write(SMALL)
+    cosim("run", path)
+    again = cosim("run", path, "--set", f"metrics.largest.{other}")[1]
+    assert "new" in again and "%" not in again and "same" not in again
+
+
 def test_nothing_known_is_compiled_twice(cosim, write):
     path = write(SMALL)
     cosim("run", path, "--json")

@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> int:
     if options.csv:
         results.refuse_foreign_csv(options.csv)
         files.require_ending(options.csv, "a table", "csv")
-    previous = results.read_metrics(output) if output.exists() and output.stat().st_size else None
     run = Run(network, options.engine, output, options.began)
+    previous = results.read_metrics(output, run.reductions) if output.exists() and output.stat().st_size else None
     with terminal.Progress(network.diagram.run.stop) as progress:
         outcome = run.execute(progress.update)
     if options.json:
