@@ -110,8 +110,11 @@ def test_a_condition_that_raises_loses_nothing(diagram):
     assert len(outcome.warnings) == 2
 
 
+BROKEN = "if amplitude > 0.0:\n            raise ValueError('broken')\n        y[0] = 0.0"
+
+
 def test_a_run_that_ends_before_its_first_sample_is_not_judged(diagram):
-    (diagram.parent / "blocks.py").write_text(BLOCKS.replace("y[0] = amplitude * math", "raise ValueError('broken')"))
+    (diagram.parent / "blocks.py").write_text(BLOCKS.replace("y[0] = amplitude * math.sin(time)", BROKEN))
     outcome = run.Run(run.load(diagram), engine="python").execute()
     assert (outcome.status, outcome.conditions) == ("failed", [])
 
