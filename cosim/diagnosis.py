@@ -13,6 +13,7 @@ from cosim.author_source import place_of, shown
 from cosim.errors import KernelError, Position
 
 PLAIN = "or declare the class with `compiled=False`"
+NEEDS_MEMORY = "which needs memory of its own"
 LOOP = f"write a loop over the elements, such as y[q] = u[q] + w[q], {PLAIN}"
 
 #: Patterns of numba's words: what they mean to an author, and what to write instead.
@@ -151,14 +152,13 @@ def _is_numbas(file: str) -> bool:
 def _allocation(who: str, file: str, line: int) -> KernelError:
     """What is said of a line that makes an array."""
     node = _culprit(file, line)
-    why = "which needs memory of its own"
     if isinstance(node, ast.Call):
-        what = f"calls `{ast.unparse(node.func)}`, {why}"
+        what = f"calls `{ast.unparse(node.func)}`, {NEEDS_MEMORY}"
         fix = f"write it as a loop, or declare work space as a Local, {PLAIN}"
     elif node is not None:
-        what, fix = f"computes with whole arrays in `{_short(node)}`, {why}", LOOP
+        what, fix = f"computes with whole arrays in `{_short(node)}`, {NEEDS_MEMORY}", LOOP
     else:
-        what, fix = f"has an expression here, {why}", LOOP
+        what, fix = f"has an expression here, {NEEDS_MEMORY}", LOOP
     return KernelError(f"{who} {what}", _position(file, line, node), fix)
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
 from typing import Any
+
+from cosim import interruption, streams
 
 #: For how long (s of wall-clock time) an import may take.
 PATIENCE = 60.0
@@ -36,8 +36,7 @@ def guarded(what: str) -> Iterator[None]:
     with ExitStack() as stack:
         stack.enter_context(_printing_to_stderr())
         stack.enter_context(_not_exiting())
-        if hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread():
-            stack.enter_context(_patient(what))
+        stack.enter_context(_patient(what))
         yield
 
 
@@ -54,7 +53,7 @@ def _printing_to_stderr() -> Iterator[None]:
         if kept is not None:
             with suppress(OSError):
                 os.dup2(2, 1)
-        with redirect_stdout(sys.stderr):
+        with streams.aside():
             yield
     finally:
         with suppress(OSError, ValueError, AttributeError):
@@ -96,10 +95,6 @@ def _patient(what: str) -> Iterator[None]:
             _leave(2)
         raise Stuck(f"it does not come to an end within {PATIENCE:g} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE, AGAIN)
-    try:
+    with interruption.alarm(stop) as begin:
+        begin(PATIENCE, AGAIN)
         yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)

@@ -10,6 +10,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -33,14 +34,14 @@ class Interruption:
 
     def __init__(self) -> None:
         self.number = 0
-        self._harmless = False
+        self._later: Callable[[], Any] | None = None  # where it may break through: has it do so after a while
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         again, self.number = self.wanted, self.number or number
-        if self._harmless and again:
+        if self._later and again:
             raise Interrupted(self.number)
-        if self._harmless:
-            self._break_through_later()
+        if self._later:
+            self._later()
 
     @property
     def wanted(self) -> bool:
@@ -57,21 +58,17 @@ class Interruption:
         """For what may never end, and loses nothing: a signal that is not heeded within GRACE, or a second one at once,
         raises Interrupted. The first needs the main thread of a system with SIGALRM.
         """
-        with _timer(self._break_through):
-            self._harmless = True
+        with alarm(self._break_through) as begin:
+            self._later = partial(begin, GRACE, GRACE)
             try:
                 if self.wanted:
-                    self._break_through_later()
+                    self._later()
                 yield
             finally:
-                self._harmless = False
-
-    def _break_through_later(self) -> None:
-        if _has_timer():
-            signal.setitimer(signal.ITIMER_REAL, GRACE, GRACE)
+                self._later = None
 
     def _break_through(self, number: int, frame: FrameType | None) -> None:
-        if self._harmless:
+        if self._later:
             raise Interrupted(self.number)
 
 
@@ -103,21 +100,20 @@ def ignore() -> None:
 
 
 @contextmanager
-def _timer(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Inside, the system's timer calls `handler`; at the end it is off."""
-    if not _has_timer():
-        yield
+def alarm(handler: Callable[[int, FrameType | None], Any]) -> Iterator[Callable[[float, float], Any]]:
+    """Inside, `handler` is called so many seconds after the given function, and again and again after so many more.
+
+    That needs the main thread of a system with SIGALRM; elsewhere nothing is called.
+    """
+    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
+        yield lambda first, again: None
         return
     before = signal.signal(signal.SIGALRM, handler)
     try:
-        yield
+        yield partial(signal.setitimer, signal.ITIMER_REAL)
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
-
-
-def _has_timer() -> bool:
-    return hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
 
 
 @contextmanager

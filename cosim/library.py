@@ -89,12 +89,13 @@ def import_file(path: Path) -> ModuleType:
     try:
         with _siblings(real.parent):
             try:
+                tree = ast.parse(content, str(real))
                 with importing.guarded(f"`{path}`"), mistakes_wait():
-                    exec(compile(content, str(real), "exec"), module.__dict__)
+                    exec(compile(tree, str(real), "exec"), module.__dict__)
             except (Exception, SystemExit, importing.Stuck) as error:
                 problems.add(_import_error(error, path, str(real.parent)))
             else:
-                for twice in _classes_twice(ast.parse(content), str(real)):
+                for twice in _classes_twice(tree, str(real)):
                     problems.add(twice)
             for mistake in _mistakes(module, real.parent):
                 problems.add(mistake)
@@ -156,10 +157,12 @@ def _classes_twice(tree: ast.Module, file: str) -> Iterator[DeclarationError]:
     """Classes of a file that a later one of the same name replaces."""
     first: set[str] = set()
     for statement in tree.body:
-        if isinstance(statement, ast.ClassDef) and statement.name in first:
+        if not isinstance(statement, ast.ClassDef):
+            continue
+        if statement.name in first:
             what = f"class {statement.name} is defined twice, and the first definition is lost"
             yield DeclarationError(what, place_of(file, statement), "give one of them another name")
-        first |= {statement.name} if isinstance(statement, ast.ClassDef) else set()
+        first.add(statement.name)
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:

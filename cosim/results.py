@@ -359,10 +359,11 @@ def _can_be_read(path: Path) -> bool:
     """
     if not hasattr(os, "fork"):
         return True
-    with suppress(OSError):  # which the caller meets too
+    try:
         about = path.stat()
-        return _is_walked(path, about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns)
-    return True
+    except OSError:  # which the caller meets too
+        return True
+    return _is_walked(path, about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns)
 
 
 @lru_cache(maxsize=64)

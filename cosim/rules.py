@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 import os
 import reprlib
-import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from cosim import streams
 from cosim.block import Course, Input, Parameter, Rule
 from cosim.errors import CosimError, DeclarationError, Problems, RuleViolation
 from cosim.network import Finding, Network, Signal, Slave
@@ -131,7 +130,7 @@ def _judge(
 
 def _verdict(slave: Slave, rule: Rule, arguments: Iterable[Any]) -> tuple[bool | None, str]:
     try:
-        with redirect_stdout(sys.stderr):  # standard output may be one JSON object
+        with streams.aside():
             answer = rule.function(*arguments)
         return _read(rule, answer)
     except _SeveralSources as several:

@@ -411,7 +411,7 @@ def _empty(diagram: Diagram, found: Mapping[str, tuple[Signal, Reduction]]) -> I
 
 
 def _cut(network: Network, found: Mapping[str, tuple[Signal, Reduction]]) -> Iterator[CosimError]:
-    """Warnings of windows that the run's end cuts, and of blocks that it gives no second sample."""
+    """Warnings of windows and periods that the run's end cuts, and of fleets that no block is mapped over."""
     diagram, run = network.diagram, network.diagram.run
     for name, (_, reduction) in found.items():
         cut = reduction.stop is not None and reduction.stop > run.stop * (1 + reductions.WINDOW_TOLERANCE)
@@ -419,7 +419,9 @@ def _cut(network: Network, found: Mapping[str, tuple[Signal, Reduction]]) -> Ite
             message = f"metric {name}: its window ({reduction}) ends after the run, at {run.stop:g} s"
             yield MetricError(message, diagram.metrics[name].position, "leave `to` out, or let the run last as long")
     used = {slave.fleet for slave in network.slaves.values() if slave.fleet}
-    for name in diagram.fleets.keys() - used if used else ():
+    for name in diagram.fleets if used else ():
+        if name in used:
+            continue
         yield WrongValue(f"no block is `per: {name}`, so the fleet `{name}` changes nothing", None, nearest(name, used))
     for slave in network.slaves.values():
         period = slave.entry.period

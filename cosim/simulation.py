@@ -341,12 +341,13 @@ class Simulation:
 
     def _divergence(self) -> CosimError:
         """The error for the value that the loop found to be not finite."""
-        if unwritten := self._unwritten():
-            return unwritten
         offset = int(self.control[engine.ELEMENT])
         signal, instance, element = self.table.owner(offset)
         slave, variable = self.table.network.slaves[signal.slave], self.table.network.variable(signal)
         value = self.arena[offset : offset + variable.dtype.itemsize].view(variable.dtype)[0]
+        mark = UNWRITTEN[variable.dtype]
+        if value.view(mark.dtype) == mark and (unwritten := self._unwritten()):
+            return unwritten
         index = np.unravel_index(element, slave.shape(variable)) if variable.shape else ()
         place = f"[{','.join(str(int(i) + 1) for i in index)}]" if index else ""
         member = f" of {slave.fleet} {instance + 1}" if slave.fleet else ""

@@ -6,11 +6,14 @@ import errno
 import io
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 DESCRIPTORS = {"stdout": 1, "stderr": 2}
+_lock = threading.Lock()
+_inside: list[Any] = []  # for each who is inside `aside`, standard output as the first one found it
 
 
 class _Sink(io.RawIOBase):
@@ -74,6 +77,24 @@ def forgiving() -> Iterator[Output]:
         for name, stream in before.items():
             getattr(sys, name).flush()
             setattr(sys, name, stream)
+
+
+@contextmanager
+def aside() -> Iterator[None]:
+    """Inside, what is printed goes to standard error: standard output may be one JSON object.
+
+    There is one standard output for all threads: the last one that leaves puts it back.
+    """
+    with _lock:
+        _inside.append(_inside[0] if _inside else sys.stdout)
+        sys.stdout = sys.stderr
+    try:
+        yield
+    finally:
+        with _lock:
+            before = _inside.pop()
+            if not _inside:
+                sys.stdout = before
 
 
 def _descriptor(number: int) -> int:

@@ -8,6 +8,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import cli, interruption, results
+from cosim import cli, interruption, results, streams
 from cosim.interruption import Interrupted, deferred, heard
 
 LONG = """
@@ -367,3 +368,28 @@ def test_a_rule_that_never_ends_is_ended_by_a_signal_that_names_it(write, tmp_pa
     if command == "run":
         with results.open_result(output) as result:
             assert (result.attrs["status"], result.attrs["steps"], len(result.times)) == ("interrupted", 10, 11)
+
+
+def test_what_several_threads_print_aside_leaves_standard_output_as_it_was(capsys):
+    """Members of a study judge their conditions at the same time, and one object of JSON comes after them."""
+    several, turns = threading.Barrier(3), [0.0, 0.02, 0.04]
+
+    def judge(k):
+        several.wait()
+        time.sleep(turns[k])
+        with streams.aside():
+            print("aside")
+            time.sleep(0.03)  # the first leaves while another is inside
+
+    threads = [threading.Thread(target=judge, args=(k,)) for k in range(3)]
+    before = sys.stdout
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sys.stdout is before
+    with pytest.raises(ValueError), streams.aside():
+        raise ValueError
+    assert sys.stdout is before
+    print("object")
+    assert capsys.readouterr() == ("object\n", "aside\n" * 3)

@@ -263,3 +263,31 @@ def test_what_a_function_leaves_out_is_no_zero(tmp_path, engine, name, said):
     outcome = run.Run(run.load(tmp_path / "d.yaml"), engine).execute()
     assert outcome.status == "failed" and re.search(f"block b: {said}", str(outcome.error))
     assert run.Run(run.load(tmp_path / "d.yaml", ["blocks.b.dimensions.n=2"]), engine).execute().status == "completed"
+
+
+def test_an_infinite_output_at_the_start_is_not_blamed_on_derivatives_that_wait(tmp_path):
+    """At time zero no derivative has been written yet, and none has to be."""
+    (tmp_path / "own.py").write_text(INFINITE)
+    (tmp_path / "d.yaml").write_text(
+        "run: {stop: 1, step: 0.1}\nblocks:\n  b: {python: own.py:Early}\n"
+        "  after: {python: own.py:Late, inputs: {u: b.y}}\n"
+    )
+    for kind in ("native", "python"):
+        outcome = run.Run(run.load(tmp_path / "d.yaml"), kind).execute()
+        assert outcome.status == "diverged" and "block b: output `y` is not finite (inf)" in str(outcome.error)
+
+
+INFINITE = """
+from cosim import Block, Input, Output, State
+
+class Early(Block):
+    y = Output()
+    def outputs(time, y):
+        y[0] = 1.0 / time
+
+class Late(Block):
+    u = Input()
+    x = State(output=True)
+    def derivatives(u, x, d_x):
+        d_x[0] = u - x
+"""

@@ -302,21 +302,24 @@ class _StudyReader:
         where = f"tables.{title}"
         rows = node.value.get("rows")
         given = rows.value if rows and isinstance(rows.value, list) else [rows] if rows else []
-        names = tuple(self._dimension(n, f"{where}.rows", study) for n in given)
-        known = [any(name == n.value or name.endswith(f".{n.value}") for name in study.dimensions) for n in given]
-        for k, name in enumerate(names):
-            if name in names[:k] and known[k]:
-                self.reader.wrong(given[k], f"`{where}.rows` has `{name}` twice", "write it once", WrongValue)
+        names: list[str] = []
+        for row in given:
+            name = self._dimension(row, f"{where}.rows", study)
+            if name in names:
+                self.reader.wrong(row, f"`{where}.rows` has `{name}` twice", "write it once", WrongValue)
+            elif name:
+                names.append(name)
         columns = node.value.get("columns")
         transpose = "transpose" in node.value and self.reader.truth(node.value["transpose"], f"{where}.transpose")
-        return TableLayout(title, names or ("variant",), self._columns(where, columns), transpose, node)
+        return TableLayout(title, tuple(names) or ("variant",), self._columns(where, columns), transpose, node)
 
-    def _dimension(self, node: Node, where: str, study: Study) -> str:
-        """A dimension by its name, or by the end of its name that no other has."""
+    def _dimension(self, node: Node, where: str, study: Study) -> str | None:
+        """A dimension by its name, or by the end of its name that no other has; else a report and None."""
         ends = [name for name in study.dimensions if name.endswith(f".{node.value}")]
         if node.value not in study.dimensions and len(ends) == 1:
             return ends[0]
-        return self.reader.choice(node, where, study.dimensions)
+        name: str = self.reader.choice(node, where, study.dimensions)
+        return name if name == node.value else None
 
     def _columns(self, where: str, node: Node | None) -> tuple[Column, ...]:
         if node is None:
