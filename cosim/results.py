@@ -505,11 +505,9 @@ def _read_attribute(key: str, value: Any) -> Any:
     if key not in JSON_ATTRIBUTES:
         return for_json(value)
     found = json.loads(value)
-    if key != "metrics":
-        return found
-    if not isinstance(found, dict):
-        raise ValueError("its metrics are damaged")
-    return from_json(found)
+    if key in ("metrics", "reductions") and not isinstance(found, dict):
+        raise ValueError(f"its {key} are damaged")
+    return from_json(found) if key == "metrics" else found
 
 
 @contextmanager

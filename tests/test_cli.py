@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import h5py
 import numpy as np
 import pytest
 
@@ -62,6 +63,15 @@ def test_the_table_says_what_changed_since_the_run_before(cosim, write):
     assert "same" in cosim("run", path)[1]
     changed = cosim("run", path, "--set", "blocks.lag.parameters.T=0.1")[1]
     assert "previous" in changed and "%" in changed
+
+
+def test_a_result_whose_reductions_are_damaged_is_told_in_words(cosim, write):
+    path = write(SMALL)
+    cosim("run", path)
+    with h5py.File("results/diagram.nc", "r+") as file:
+        file.attrs["reductions"] = "[1]"
+    code, _, said = cosim("run", path)
+    assert code == 2 and "cannot read results/diagram.nc: its reductions are damaged" in said
 
 
 @pytest.mark.parametrize("other", ["reduce=min", "signal=second.x", "from=0.5"])
