@@ -150,9 +150,8 @@ def _close(a: Any, b: Any, tolerance: float) -> bool:
     if isinstance(a, dict) and isinstance(b, dict):
         who = [{key: value for key, value in event.items() if key != "time"} for event in (a, b)]
         return who[0] == who[1] and _close(a.get("time"), b.get("time"), tolerance)
-    if not (isinstance(a, list) and isinstance(b, list)):
-        return _near(a, b, tolerance * max(_size(a), _size(b)))
-    if any(isinstance(item, dict) for item in (*a, *b)):
+    lists = isinstance(a, list) and isinstance(b, list)
+    if lists and any(isinstance(item, dict) for item in (*a, *b)):
         return len(a) == len(b) and all(_close(x, y, tolerance) for x, y in zip(a, b, strict=True))
     return _near(a, b, tolerance * max(_size(a), _size(b)))
 

@@ -311,3 +311,12 @@ def test_results_of_one_name_are_told_apart_by_their_folders(result, tmp_path, c
     a, b = result("old/run.nc", TIMES, X, metrics={"m": 1.0}), result("run.nc", TIMES, X, metrics={"m": 1.0})
     text, _ = agrees(capsys, a, b, 0)
     assert str(a) in text.splitlines()[1] and str(b) in text.splitlines()[1]
+
+
+@pytest.mark.parametrize(
+    ("ours", "agree"), [([1000.0005, 1.0], True), ([1000.0, 1.0005], True), ([1000.0, 1.01], False)]
+)
+def test_a_list_of_numbers_is_as_large_as_its_largest(result, ours, agree):
+    """A tolerance of 1e-6 is 1e-3 beside 1000."""
+    a = result("a.nc", TIMES, X, metrics={"last": [1000.0, 1.0]})
+    assert compare(a, result("b.nc", TIMES, X, metrics={"last": ours})).agrees == agree

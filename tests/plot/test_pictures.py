@@ -409,6 +409,9 @@ def test_lines_of_two_fleets_are_called_by_their_own_run_and_member(tmp_path, co
         axes = drawn(runs, panels)
     told = [(line.get_label(), line.get_ydata()[0]) for axis in axes for line in axis.get_lines()]
     assert len(told) == 2 * sum(counts)
+    first, second = (next(x for x in axes[0].get_lines() if x.get_label().startswith(f"{run}: ")) for run in runs)
+    assert first.get_color() == second.get_color()  # which tells the line, and the dash the run
+    assert first.get_linestyle() != second.get_linestyle()
     for label, value in told:
         run, _, name = label.partition(": ")
         member = re.sub(r"b\.x\[(\d+),\d+\]", r"\1", name)
