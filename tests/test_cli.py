@@ -74,6 +74,16 @@ def test_a_result_whose_reductions_are_damaged_is_told_in_words(cosim, write):
     assert code == 2 and "cannot read results/diagram.nc: its reductions are damaged" in said
 
 
+def test_a_result_of_an_earlier_version_stands_beside_this_one(cosim, write):
+    """It does not say what its metrics mean."""
+    path = write(SMALL)
+    cosim("run", path)
+    with h5py.File("results/diagram.nc", "r+") as file:
+        del file.attrs["reductions"]
+    code, out, _ = cosim("run", path)
+    assert code == 0 and "same" in out
+
+
 @pytest.mark.parametrize("other", ["reduce=min", "signal=second.x", "from=0.5"])
 def test_a_metric_that_means_something_else_is_not_compared_with_the_run_before(cosim, write, other):
     path = write(SMALL)
