@@ -169,8 +169,9 @@ class _Builder:
         at = self.vectors["X"]
         for slave, state in continuous:
             size = slave.nbytes(state)
-            self._place(slave, state, Place(at, size if slave.count > 1 else 0, slave.shape(state), state.dtype))
-            self._fill(slave, state, at - self.vectors["X"] + self.vectors["D"])
+            place = Place(at, size if slave.count > 1 else 0, slave.shape(state), state.dtype)
+            self._place(slave, state, place)
+            self._fill(slave, state, self._moved(place, "D").offset)
             at += size * slave.count
         for kind in ("float64", "float32", ""):
             begin = self._allocate(0)

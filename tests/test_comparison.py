@@ -253,6 +253,10 @@ def test_a_unit_that_differs_is_said_and_a_difference(result, capsys):
     assert found["units"] == {"b.x": ["m", "rad"], "b.y": ["m", "rad"]}
     for equal in (None, "m", ("m", "m")):
         assert agrees(capsys, a, result("c.nc", TIMES, X, unit=equal), 0)[1]["same"]
+    # What nobody can read, as another tool may write it, is itself and nothing else.
+    furlong = result("f.nc", TIMES, X, unit="furlong")
+    agrees(capsys, furlong, result("g.nc", TIMES, X, unit="ell"), 1)
+    assert agrees(capsys, furlong, result("h.nc", TIMES, X, unit="furlong"), 0)[1]["same"]
     pose = result("d.nc", TIMES, X, unit=("m", "rad"))
     assert f"m in {a} and m, rad in" in agrees(capsys, a, pose, 1)[0]
 
