@@ -59,11 +59,26 @@ def names_robots(hears: NDArray) -> tuple[bool, str]:
 
 def strongly_connected(hears: NDArray) -> tuple[bool, str]:
     """Whether every robot reaches every other one along the edges of G1."""
-    import networkx
+    heard = [[j - 1 for j in row if j != 0] for row in hears.tolist()]
+    hearers: list[list[int]] = [[] for _ in heard]
+    for i, others in enumerate(heard):
+        for j in others:
+            hearers[j].append(i)
+    if reaches_all(heard) and reaches_all(hearers):
+        return True, "1 strongly connected part"
+    import networkx  # here alone: it takes as long to import as a whole start
 
-    graph = networkx.DiGraph()
-    graph.add_nodes_from(range(1, len(hears) + 1))
-    graph.add_edges_from((j, i) for i, row in enumerate(hears.tolist(), start=1) for j in row if j != 0)
-    parts = sorted(sorted(part) for part in networkx.strongly_connected_components(graph))
+    graph = networkx.DiGraph(dict(enumerate(heard)))
+    parts = sorted(sorted(robot + 1 for robot in part) for part in networkx.strongly_connected_components(graph))
     shown = ", ".join("{" + ", ".join(map(str, part)) + "}" for part in parts[:6])
-    return len(parts) == 1, f"{len(parts)} strongly connected part(s): {shown}" + (", …" if len(parts) > 6 else "")
+    return False, f"{len(parts)} strongly connected parts: {shown}" + (", …" if len(parts) > 6 else "")
+
+
+def reaches_all(edges: list[list[int]]) -> bool:
+    """Whether the edges lead from the first robot to all."""
+    reached, ahead = {0}, [0]
+    while ahead:
+        new = [j for j in edges[ahead.pop()] if j not in reached]
+        reached.update(new)
+        ahead.extend(new)
+    return len(reached) == len(edges)

@@ -6,12 +6,14 @@ nothing at the same instant. Outputs that depend on each other are an algebraic 
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING
 
 from cosim.block import Function, Input, State
-from cosim.errors import AlgebraicLoop, Problems
+from cosim.errors import AlgebraicLoop, DiagramErrors
 from cosim.network import Network, Signal, Slave
 
 if TYPE_CHECKING:
@@ -190,24 +192,23 @@ class _Ways:
         )
 
 
-def _graph(network: Network, starts: bool) -> networkx.DiGraph:
-    import networkx
+Graph = dict[Task, dict[Task, str]]
+"""Of every task, what has to be done before it, and by which port it is read."""
 
-    graph = networkx.DiGraph()
+
+def _graph(network: Network, starts: bool) -> Graph:
+    graph: Graph = {}
     for slave in network.slaves.values():
         setters = slave.declaration.kind("start") if starts else ()
         for function in (*setters, *slave.declaration.evaluated(starts)):
-            task = Task(slave.name, function.name)
-            graph.add_node(task)
+            before = graph.setdefault(Task(slave.name, function.name), {})
             for name in function.reads:
-                for before, port in _producers(network, slave, name, starts):
-                    graph.add_edge(before, task, port=port)
+                before.update(_producers(network, slave, name, starts))
         for port, sources in slave.wires.items():
             if is_joined(slave, port):
-                graph.add_node(join := Task(slave.name, "", port))
+                before = graph.setdefault(Task(slave.name, "", port), {})
                 for source in sources:
-                    for before, name in _producers_of(network, source, starts):
-                        graph.add_edge(before, join, port=name)
+                    before.update(_producers_of(network, source, starts))
     return graph
 
 
@@ -240,17 +241,34 @@ def _producers_of(network: Network, signal: Signal, starts: bool) -> list[tuple[
     return [(Task(signal.slave, writer.name), signal.variable)] if writer else []
 
 
-def _sorted(network: Network, graph: networkx.DiGraph) -> list[Task]:
-    import networkx
-
+def _sorted(network: Network, graph: Graph) -> list[Task]:
+    """Sources first; of those that could be next, the one that stands first in the diagram."""
+    sorter = TopologicalSorter(graph)
+    try:
+        sorter.prepare()
+    except CycleError:
+        raise _loops(network, graph) from None
     place = {name: k for k, name in enumerate(network.slaves)}
-    loops = [c for c in networkx.strongly_connected_components(graph) if len(c) > 1 or graph.has_edge(*(list(c) * 2))]
-    if loops:
-        problems = Problems()
-        for loop in loops:
-            problems.add(_loop_error(network, graph.subgraph(loop)))
-        problems.raise_if_any()
-    return list(networkx.lexicographical_topological_sort(graph, key=lambda t: (place[t.slave], t.function, t.port)))
+    ready: list[tuple[int, str, str, Task]] = []
+    order = []
+    while sorter.is_active():
+        for task in sorter.get_ready():
+            heapq.heappush(ready, (place[task.slave], task.function, task.port, task))
+        order.append(heapq.heappop(ready)[-1])
+        sorter.done(order[-1])
+    return order
+
+
+def _loops(network: Network, graph: Graph) -> DiagramErrors:
+    """Every loop of a graph that has one."""
+    import networkx  # here alone: it takes as long to import as a whole start
+
+    edges = networkx.DiGraph()
+    edges.add_nodes_from(graph)
+    edges.add_edges_from((before, task, {"port": port}) for task in graph for before, port in graph[task].items())
+    parts = networkx.strongly_connected_components(edges)
+    loops = [part for part in parts if len(part) > 1 or edges.has_edge(*(list(part) * 2))]
+    return DiagramErrors([_loop_error(network, edges.subgraph(loop)) for loop in loops])
 
 
 def _loop_error(network: Network, loop: networkx.DiGraph) -> AlgebraicLoop:

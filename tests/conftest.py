@@ -8,10 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from cosim import run, simulation, table
 from cosim.network import Network, Signal
 from cosim.simulation import Probes, Simulation
+
+# The same examples at every run: a test that fails here fails everywhere. `--hypothesis-profile search` draws new ones.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("search", deadline=None)
+settings.load_profile("repeatable")
 
 # A shell starts what it runs in the background deaf to Ctrl-C, and a program that is started so stays so.
 for _number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):

@@ -128,7 +128,7 @@ def test_rings_are_strongly_connected(hears):
 
 def test_broken_graphs_are_named():
     holds, numbers = strongly_connected(np.zeros((8, 1), np.int32))
-    assert (holds, numbers) == (False, "8 strongly connected part(s): {1}, {2}, {3}, {4}, {5}, {6}, …")
+    assert (holds, numbers) == (False, "8 strongly connected parts: {1}, {2}, {3}, {4}, {5}, {6}, …")
     holds, numbers = strongly_connected(np.array([[2], [1], [1]], np.int32))
     assert not holds
     assert "{1, 2}, {3}" in numbers
