@@ -291,6 +291,7 @@ def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEn
     if not start <= stop:
         message = f"metric `{name}`: its window ends at {stop:g} s, before it begins at {start:g} s"
         reader.wrong(entries["to"], message, "exchange `from` and `to`", MetricError)
+        stop = math.inf
     if start < 0:
         message = f"metric `{name}`: its window begins at {start:g} s, before the run does"
         reader.wrong(entries["from"], message, "such as 0, or leave `from` out", MetricError)

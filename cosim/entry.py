@@ -160,13 +160,11 @@ def _attribute(where: str, key: str, node: Node, reader: Reader) -> Any:
     """The value of one key of a block, as `BlockEntry` keeps it."""
     match key:
         case "dimensions":
-            return {
-                name: replace(value, value=reader.count(value, f"{where}.{name}")) for name, value in node.value.items()
-            }
+            return _sizes(where, node, reader)
         case "parameters" | "start":
             return {name: value for name, value in node.value.items() if _is_data(value, f"{where}.{name}", reader)}
         case "inputs":
-            return {name: value for name, value in node.value.items() if reader.endpoints(value, f"{where}.{name}")}
+            return {name: _sources(value, f"{where}.{name}", reader) for name, value in node.value.items()}
         case "ports":
             return {name: value for name, value in node.value.items() if reader.text(value, f"{where}.{name}")}
         case "period":
@@ -180,6 +178,22 @@ def _attribute(where: str, key: str, node: Node, reader: Reader) -> Any:
         case "mode":
             return replace(node, value=reader.choice(node, where, grammar.FMU_MODES))
     return replace(node, value=reader.text(node, where))
+
+
+def _sources(node: Node, where: str, reader: Reader) -> Node:
+    """What an input reads; an empty list where a mistake keeps that from being known."""
+    return node if reader.endpoints(node, where) else replace(node, value=[])
+
+
+def _sizes(where: str, node: Node, reader: Reader) -> dict[str, Node]:
+    """The sizes of dimensions, without those that are none."""
+    sizes = {}
+    for name, value in node.value.items():
+        mistakes = len(reader.problems.errors)
+        size = replace(value, value=reader.count(value, f"{where}.{name}"))
+        if len(reader.problems.errors) == mistakes:
+            sizes[name] = size
+    return sizes
 
 
 def _is_data(node: Node, where: str, reader: Reader) -> bool:

@@ -10,12 +10,13 @@ import math
 import operator
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 
 from cosim.errors import ExpressionError, Position, nearest
 
 CONSTANTS = {"pi": math.pi, "e": math.e, "inf": math.inf}
+OF_A_FLEET = {"i": "the number of a fleet's member", "N": "the size of a fleet"}
 FUNCTIONS: dict[str, Callable[..., float]] = {
     "sin": math.sin,
     "cos": math.cos,
@@ -76,6 +77,13 @@ def names(text: str) -> frozenset[str]:
         return frozenset(node.id for node in ast.walk(_parse(text)) if isinstance(node, ast.Name))
     except ExpressionError:
         return frozenset()
+
+
+def check(text: str, known: Iterable[str]) -> None:
+    """See that a text is an expression of the known names. Raises: ExpressionError."""
+    _read(text)
+    for name in sorted(names(text) - {*known, *CONSTANTS, *FUNCTIONS}):
+        raise ExpressionError(f"unknown name `{name}` in `{text}`", fix=nearest(name, [*known, *CONSTANTS, *FUNCTIONS]))
 
 
 @lru_cache(maxsize=4096)
@@ -149,4 +157,7 @@ def _value(name: str, names: Names, text: str) -> float:
         return CONSTANTS[name]
     if name in FUNCTIONS:
         raise ExpressionError(f"function `{name}` in `{text}` has no argument", fix=f"write `{name}(…)`")
+    if name in OF_A_FLEET:
+        fix = f"write `per:` for the block, or a value without `{name}`"
+        raise ExpressionError(f"`{name}` in `{text}` is {OF_A_FLEET[name]}, and there is none", fix=fix)
     raise ExpressionError(f"unknown name `{name}` in `{text}`", fix=nearest(name, [*names, *CONSTANTS, *FUNCTIONS]))

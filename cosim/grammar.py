@@ -96,8 +96,9 @@ class Reader:
         self.problems = problems
 
     def wrong(self, node: Node, message: str, fix: str, error: type[CosimError] = WrongType) -> None:
-        """Report a wrong value."""
-        self.problems.add(error(message, node.position, fix))
+        """Report a wrong value, of which nothing has been said yet."""
+        if not any(known.position == node.position for known in self.problems.errors):
+            self.problems.add(error(message, node.position, fix))
 
     def missing(self, node: Node, message: str, fix: str) -> None:
         """Report that a mapping lacks something, unless what stands in its place is known to be no mapping."""
@@ -178,6 +179,8 @@ class Reader:
     def endpoints(self, node: Node, name: str) -> list[Node]:
         """One or several texts of the form `block.port`: those that are."""
         nodes = node.value if isinstance(node.value, list) else [node]
+        if not nodes:
+            self.wrong(node, f"`{name}` is an empty list", "name what it reads, such as plant.x", WrongValue)
         return [n for n in nodes if self.endpoint(n, name)]
 
     def block_name(self, name: str, node: Node) -> None:

@@ -19,7 +19,8 @@ from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher, cpu_target
 
 from cosim import checks, intrinsics, memory
-from cosim.errors import KernelError
+from cosim.author_source import shown
+from cosim.errors import KernelError, Position
 from cosim.fingerprint import fingerprint
 
 
@@ -114,7 +115,9 @@ def with_compiled_globals(
                 scope[name] = value
                 continue
         if value in inside:
-            raise KernelError(f"{name}() calls itself", fix="write the recursion as a loop")
+            code = value.__code__
+            place = Position(shown(code.co_filename), code.co_firstlineno, 1)
+            raise KernelError(f"{name}() calls itself", place, "write the recursion as a loop")
         scope[name] = _helper(value, disjoint, checked, (*inside, value))
     copy = python_types.FunctionType(
         function.__code__, scope, function.__name__, function.__defaults__, function.__closure__

@@ -61,9 +61,23 @@ def _higher_order(network: Network) -> bool:
 
 
 def _slave_row(network: Network, slave: Slave) -> list[str]:
-    wires = [f"{port}{TIED}←{TIED}{', '.join(map(str, sources))}" for port, sources in slave.wires.items()]
+    wires = [
+        f"{port}{TIED}←{TIED}{', '.join(map(str, sources))}{_dealt(network, slave, port)}"
+        for port, sources in slave.wires.items()
+    ]
     count = f"{slave.count} × {slave.declaration.name}" if slave.fleet else slave.declaration.name
     return [slave.name, count, "; ".join(wires)]
+
+
+def _dealt(network: Network, slave: Slave, port: str) -> str:
+    """A word where the members of a fleet get one element each of something else than that fleet's own signal."""
+    axes = [axis for source in slave.wires[port] for axis in network.axes(source)[:1]]
+    ranks = {len(network.axes(source)) for source in slave.wires[port]}
+    dealt = slave.fleet and max(ranks) > len(slave.declaration.variables[port].shape)
+    if not dealt or any(axis.fleet == slave.fleet for axis in axes):
+        return ""
+    others = dict.fromkeys(f"of the fleet {axis.fleet}" for axis in axes if axis.fleet)
+    return f" (one{TIED}each{''.join(f' {other}' for other in others)})"
 
 
 def print_blocks(name: str | None) -> None:

@@ -8,10 +8,12 @@ import types
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+import numpy as np
+
 from cosim import block as blocks
-from cosim import units
+from cosim import expression, units
 from cosim.author_source import class_text, function_text, shown
-from cosim.errors import DeclarationError, Position, WrongUnit, nearest
+from cosim.errors import DeclarationError, ExpressionError, Position, WrongUnit, nearest
 
 _OWN = ("declaration", "measuring")
 
@@ -87,8 +89,24 @@ def _settings(name: str, variable: Any) -> Iterator[tuple[str, str]]:
         yield f"the parameter `{name}` has a `start`, which is for what changes along a run", "use default="
     if variable.dtype.name not in TYPES or not variable.dtype.isnative:
         yield f"`{name}` is of the type {variable.dtype}, which no engine computes with", f"use {', '.join(TYPES)}"
+    if not variable.dtype.hasobject:
+        for text in _texts(variable.start):
+            try:
+                expression.check(text, expression.OF_A_FLEET)
+            except ExpressionError as error:
+                word = "default" if isinstance(variable, blocks.Parameter) else "start value"
+                yield f"the {word} of `{name}`: {error.message}", error.fix
     if said := _unit(variable.unit, variable.shape):
         yield f"the unit of `{name}`: {said[0]}", said[1]
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """The expressions in a value, or in nested sequences of values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list | tuple | np.ndarray):
+        for item in value:
+            yield from _texts(item)
 
 
 def _unit(unit: Any, shape: tuple[Any, ...]) -> tuple[str, str] | None:

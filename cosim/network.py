@@ -139,9 +139,13 @@ class Network:
 
     def shape(self, signal: Signal) -> tuple[int, ...]:
         """The shape of a signal over all instances."""
+        return tuple(axis.size for axis in self.axes(signal))
+
+    def axes(self, signal: Signal) -> tuple[Axis, ...]:
+        """The axes of a signal over all instances."""
         axes = self.slaves[signal.slave].signal_axes(self.variable(signal))
         assert axes is not None
-        return tuple(a.size for a in signal.axes(axes))
+        return signal.axes(axes)
 
     def find(self, text: str, position: Position | None) -> Signal:
         """The signal that a recording or metric names; any variable but inputs.

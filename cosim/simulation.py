@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from cosim import engine, faults, floating, hosts, kernels, memory, supervision
-from cosim.block import State
+from cosim.block import Local, State
 from cosim.errors import (
     BlockFailed,
     CosimError,
@@ -373,6 +373,8 @@ class Simulation:
                         member = f" of {slave.fleet} {k + 1}" if slave.fleet else ""
                         message = f"block {slave.name}: {call.function.name}() has not written `{element}`{member}"
                         fix = f"write every element of `{name}`, and before it is read"
+                        if isinstance(slave.declaration.variables.get(name), Local):
+                            fix += "; if it is work space, declare it with finite=False"
                         return BlockFailed(f"{message} at t = {self.time:g} s", slave.entry.position, fix)
         return None
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from cosim import engine, order
 from cosim.adapters import FAULT_WORDS, run_time_dimensions, variable_of
-from cosim.block import CalculatedParameter, Function, Input, Output, Parameter, State, Variable
+from cosim.block import CalculatedParameter, Function, Input, Local, Output, Parameter, State, Variable
 from cosim.errors import FmuError
 from cosim.memory import ALIGNMENT, private
 from cosim.network import Network, Signal, Slave
@@ -213,7 +213,7 @@ class _Builder:
             self.given[signal] = [(place.offset, instances)]
             full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
             self.writes.append((place.offset, np.array(full, variable.dtype)))
-        elif isinstance(variable, (Output, CalculatedParameter)):
+        elif isinstance(variable, (Output, CalculatedParameter, Local)):
             self._fill(slave, variable, place.offset)
 
     def _fill(self, slave: Slave, variable: Variable, offset: int) -> None:

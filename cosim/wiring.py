@@ -16,6 +16,7 @@ from cosim import dimensions, order, rules, sizes, swaps, units
 from cosim.block import Block, Input, Local, Parameter, State, Unit, Variable
 from cosim.diagram import BlockEntry, Diagram, note_inherited
 from cosim.errors import (
+    CosimError,
     MissingParameter,
     NotWirable,
     Position,
@@ -230,18 +231,31 @@ class _Wiring:
     def _wires(self, slave: Slave) -> None:
         inputs = {v.name: v for v in slave.declaration.of(Input)}
         for name, node in slave.entry.inputs.items():
-            if name in inputs:
-                sources = node.value if isinstance(node.value, list) else [node]
+            sources = node.value if isinstance(node.value, list) else [node]
+            if name in inputs and sources:
                 found = [self.problems.attempt(self._source, slave, name, source) for source in sources]
                 slave.wires[name] = tuple(s for s in found if s)
-            else:
+                self.problems.attempt(self._check_idle_start, slave, name, sources[0])
+            elif name not in inputs:
                 message = f"block {slave.name}: {slave.declaration.name} has no input `{name}`"
                 self.problems.add(UnknownPort(message, node.key_position, nearest(name, inputs)))
         for name in inputs:
-            if name not in slave.wires and (slave.name, name) not in self.values:
+            if name not in slave.entry.inputs and (slave.name, name) not in self.values:
                 message = f"block {slave.name}: input `{name}` is not connected and has no start value"
                 fix = f"add `{name}: block.port` under blocks.{slave.name}.inputs"
+                if "/" in slave.name:
+                    outer, _, inner = slave.name.rpartition("/")
+                    own = f"inputs: {{{name}: {inner}.{name}}}"
+                    fix = f"give that diagram an input, {own}, and wire it under blocks.{outer}.inputs"
                 self.problems.add(UnconnectedInput(message, slave.entry.position, fix))
+
+    def _check_idle_start(self, slave: Slave, name: str, wire: Node) -> None:
+        """A wired input has its source's value from time zero on; a diagram in a diagram may keep its own start."""
+        start = slave.entry.start.get(name)
+        if start is None or ("/" in slave.name and start.position.file != wire.position.file):
+            return
+        message = f"block {slave.name}: input `{name}` is wired, so that its start value has no effect"
+        raise WrongValue(message, start.key_position, f"remove it (an overlay writes `{name}: ~`), or the wire")
 
     def _source(self, slave: Slave, taker: str, node: Node) -> Signal:
         """What an input is wired to. Raises: NotWirable."""
@@ -287,10 +301,19 @@ class _Wiring:
         for variable in (*slave.declaration.of(Parameter), *slave.declaration.startable()):
             value = self.values.get((slave.name, variable.name))
             if value is not None:
-                array = self.problems.attempt(_array, slave, variable, value, self.diagram.fleets)
+                array = self.problems.attempt(self._array, slave, variable, value)
                 if array is not None:
                     self._check_start(slave, variable, value, array)
                     slave.values[variable.name] = array
+
+    def _array(self, slave: Slave, variable: Variable, value: Value) -> np.ndarray:
+        try:
+            return _array(slave, variable, value, self.diagram.fleets)
+        except CosimError as error:
+            if variable.name in slave.given:
+                raise
+            message = f"block {slave.name}: the default of `{variable.name}`: {error.message}"
+            raise type(error)(message, error.position, error.fix) from None
 
     def _check_start(self, slave: Slave, variable: Variable, value: Value, array: np.ndarray) -> None:
         if isinstance(variable, State) and variable.finite and array.dtype.kind == "f" and not np.isfinite(array).all():

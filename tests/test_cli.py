@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -207,6 +208,20 @@ def test_check_shows_blocks_wires_and_order(cosim, write):
     code, out, _ = cosim("check", write(SMALL))
     assert code == 0 and "2 × Lag" in out and "u ← source.y" in out
     assert out.index("source.outputs") < out.index("lag.outputs_mean")
+
+
+def test_check_says_where_members_get_one_element_each_of_something_else(cosim, write):
+    text = "run: {stop: 1, step: 0.1}\nfleets: {robot: 2, cart: 2}\nblocks:\n  s: {type: Sine, per: robot}\n"
+    text += "  own: {type: Lag, per: robot, inputs: {u: s.y}}\n  other: {type: Lag, per: cart, inputs: {u: s.y}}\n"
+    text += "  v: {type: Sine, parameters: {A: 1}}\n  all: {type: Lag, per: cart, inputs: {u: v.y}}\n"
+    text += "  one: {type: Counter, per: cart, period: 0.2, inputs: {u: v.y}}\n"
+    code, out, _ = cosim("check", write(text))
+    assert code == 0 and re.findall(r"u ← (.*)", out) == [
+        "s.y",
+        "s.y (one each of the fleet robot)",
+        "v.y",
+        "v.y (one each)",
+    ]
 
 
 @pytest.mark.parametrize(("method", "integrator"), [("jacobi", "euler"), ("jacobi", "rk4"), ("joint", "rk4")])

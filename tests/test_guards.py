@@ -212,7 +212,7 @@ def test_an_infinite_start_is_refused_at_its_line(wired, start):
 
 
 UNWRITTEN = """
-from cosim import Block, CalculatedParameter, Output, Parameter, State
+from cosim import Block, CalculatedParameter, Local, Output, Parameter, State
 
 class Outputs(Block):
     y = Output("n")
@@ -236,6 +236,15 @@ class Calculate(Block):
     def outputs(c, y):
         y[0] = c[0]
 
+class Locals(Block):
+    m = Local("n")
+    y = Output()
+    def outputs_m(time, m):
+        for q in range(2):
+            m[q] = time
+    def outputs(m, y):
+        y[0] = m[0]
+
 class Narrow(Block):
     y = Output("n", dtype="float32")
     def outputs(time, y):
@@ -251,6 +260,7 @@ class Narrow(Block):
         ("Outputs", r"outputs\(\) has not written `y\[3\]` of robot 1 at t = 0 s"),
         ("Derivatives", r"derivatives\(\) has not written `d_x\[3\]` of robot 1 at t = 0.1 s"),
         ("Calculate", r"calculate\(\) has not written `c\[3\]` of robot 1 at t = 0 s"),
+        ("Locals", r"outputs_m\(\) has not written `m\[3\]` of robot 1 at t = 0 s"),
         ("Narrow", r"outputs\(\) has not written `y\[3\]` of robot 1 at t = 0 s"),
     ],
 )
@@ -263,6 +273,17 @@ def test_what_a_function_leaves_out_is_no_zero(tmp_path, engine, name, said):
     outcome = run.Run(run.load(tmp_path / "d.yaml"), engine).execute()
     assert outcome.status == "failed" and re.search(f"block b: {said}", str(outcome.error))
     assert run.Run(run.load(tmp_path / "d.yaml", ["blocks.b.dimensions.n=2"]), engine).execute().status == "completed"
+
+
+def test_work_space_may_stay_unwritten(tmp_path):
+    """The message says how to declare it."""
+    (tmp_path / "own.py").write_text(UNWRITTEN)
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  b: {python: own.py:Locals, dimensions: {n: 3}}\n"
+    (tmp_path / "d.yaml").write_text(text)
+    outcome = run.Run(run.load(tmp_path / "d.yaml")).execute()
+    assert "if it is work space, declare it with finite=False" in outcome.error.fix
+    (tmp_path / "own.py").write_text(UNWRITTEN.replace('Local("n")', 'Local("n", finite=False)'))
+    assert run.Run(run.load(tmp_path / "d.yaml")).execute().status == "completed"
 
 
 def test_an_infinite_output_at_the_start_is_not_blamed_on_derivatives_that_wait(tmp_path):

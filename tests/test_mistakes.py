@@ -100,6 +100,37 @@ MISTAKES = {
     "digits that are grouped oddly": ("stop: 1,", "stop: 1_0,", 2, "`1_0` groups digits", "10 or 1.0"),
     "a signal twice": ("[lag.x]", "[lag.x, source.y, lag.x]", 14, "`lag.x` is recorded twice", "once"),
     "a space before the dot": ("[lag.x]", "[lag .x]", 14, "spaces around the dot of `lag .x`", "lag.x"),
+    "a start of what is wired": (
+        "    inputs: {u: source.y}",
+        "    start: {u: [1, 2]}\n    inputs: {u: source.y}",
+        10,
+        "input `u` is wired, so that its start value has no effect",
+        "remove it",
+    ),
+    "an empty list of sources": ("u: source.y", "u: []", 10, "`blocks.lag.inputs.u` is an empty list", "plant.x"),
+    "a number for a source": ("u: source.y", "u: 5", 10, "form block.port, not `5`", "plant.x"),
+    "a window that ends before it begins": (
+        "reduce: max",
+        "reduce: max, from: 0.8, to: 0.2",
+        16,
+        "ends at 0.2 s, before it begins at 0.8 s",
+        "exchange",
+    ),
+    "a stop too large for a float": ("stop: 1,", "stop: 1e400,", 2, "beyond the range", "1.7e308"),
+    "a text for a size": (
+        "    par",
+        "    dimensions: {n: two}\n    start: {x: [1, 2]}\n    par",
+        9,
+        "unknown name `two`",
+        "",
+    ),
+    "a member's number without a fleet": (
+        "source: {type: Sine, per: robot}",
+        "source: {type: Sine}",
+        5,
+        "block source: the default of `A`: `i` in `i` is the number of a fleet's member",
+        "write `per:`",
+    ),
     "joined sources that differ": ("u: source.y", "u: [source.y, oscillator.x]", 10, "joined for input `u` differ", ""),
 }
 
@@ -123,6 +154,73 @@ def test_a_mistake_is_named_with_its_place_and_its_fix(write, capsys, mistake):
     assert code == 2 and "Traceback" not in text
     assert re.search(rf"{re.escape(str(path))}:{line}:\d+: error: .*{words}", text), text
     assert re.search(rf"fix: .*{re.escape(fix)}", text), text
+
+
+TOLD_ONCE = (
+    "an empty list of sources",
+    "a number for a source",
+    "a window that ends before it begins",
+    "a stop too large for a float",
+    "a text for a size",
+)
+
+
+@pytest.mark.parametrize("mistake", TOLD_ONCE)
+def test_a_mistake_is_told_once(write, capsys, mistake):
+    old, new, *_ = MISTAKES[mistake]
+    _, text = check(write(GOOD.replace(old, new)), capsys)
+    assert text.count("error:") == 1, text
+
+
+def test_a_diagram_in_a_diagram_may_start_what_the_outer_one_wires(write, capsys):
+    """So that it runs alone too; one that is open in both says how to drive it from outside."""
+    inner = "run: {stop: 1, step: 0.1}\ninputs: {u: gain.u}\nblocks:\n  gain: {type: Gain, start: {u: [3, 4]}}\n"
+    write(inner, "inner.yaml")
+    outer = "run: {stop: 1, step: 0.1}\nblocks:\n  s: {type: Sine, parameters: {A: 1}}\n"
+    assert check(write(f"{outer}  sub: {{diagram: inner.yaml, inputs: {{u: s.y}}}}\n"), capsys) == (0, "")
+    write(inner.replace(", start: {u: [3, 4]}", ""), "inner.yaml")
+    code, text = check(write(f"{outer}  sub: {{diagram: inner.yaml}}\n"), capsys)
+    assert code == 2 and "block sub/gain: input `u` is not connected" in text
+    assert "inputs: {u: gain.u}, and wire it under blocks.sub.inputs" in text
+
+
+OWN = """
+from cosim import Block, Input, Output, Parameter
+
+
+def factorial(n):
+    return 1.0 if n < 1.0 else n * factorial(n - 1.0)
+
+
+class Recursive(Block):
+    u = Input(start=3.0)
+    y = Output()
+
+    def outputs(u, y):
+        y[0] = factorial(u)
+"""
+
+
+@pytest.mark.parametrize(
+    ("default", "said", "fix"),
+    [
+        ('"two +"', "`two +` is neither a number nor an arithmetic expression", "2\\*pi/3"),
+        ('[1, ["ii"]]', "unknown name `ii` in `ii`", "`i`"),
+    ],
+)
+def test_a_default_that_is_no_number_is_named_in_the_authors_file(tmp_path, capsys, default, said, fix):
+    (tmp_path / "own.py").write_text(OWN.replace("    y = Out", f"    k = Parameter(default={default})\n    y = Out"))
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks:\n  b: {python: own.py:Recursive}\n")
+    code, text = check(tmp_path / "d.yaml", capsys)
+    assert code == 2 and re.search(rf"own.py:11:5: error: .*default of `k`: {re.escape(said)}", text), text
+    assert re.search(f"fix: .*{fix}", text)
+
+
+def test_a_recursion_is_named_in_the_authors_file(tmp_path, capsys):
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks:\n  b: {python: own.py:Recursive}\n")
+    code, text = check(tmp_path / "d.yaml", capsys)
+    assert code == 2 and re.search(r"own.py:5:1: error: block b: factorial\(\) calls itself", text), text
 
 
 def test_all_mistakes_are_reported_in_one_go(write, capsys):
