@@ -92,7 +92,7 @@ def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mappi
     headings = [heading(column) if several else column.heading for column in columns]
     head = [*layout.rows, *headings]
     labels = [[label(study, group[0], dimension) for dimension in layout.rows] for group in groups.values()]
-    notes = _notes(rows, several)
+    notes = [*_notes(rows, several), *_arrays(columns, rows)]
     if not layout.transpose:
         lines = [[*own, *line] for own, line in zip(labels, texts, strict=True)]
         return Table(layout.title, head, lines, values, notes)
@@ -109,6 +109,14 @@ def _notes(rows: list[Row], several: bool) -> list[str]:
         return []
     shares = "; to a share they count as runs without the figure where they have none" if several else ""
     return [f"{lost} of {len(rows)} runs did not come to their end: figures are of the time until then{shares}."]
+
+
+def _arrays(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
+    """What a reader has to know of figures that a cell has no room for."""
+    for_all = dict.fromkeys(str(column.metric.value) for column in columns)
+    values = {name: [row["metrics"].get(name) for row in rows] for name in for_all}
+    arrays = [name for name, found in values.items() if any(v is not None and scalar(v) is None for v in found)]
+    return [f"Arrays, which `study.nc` alone holds: {', '.join(arrays)}."] if arrays else []
 
 
 def with_statistic(column: Column, reductions: Mapping[str, str]) -> Column:

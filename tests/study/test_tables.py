@@ -52,6 +52,14 @@ def test_a_metric_is_reduced_over_draws_as_it_is_over_time_and_the_heading_says_
     assert table.values[0] == pytest.approx(expected, rel=1e-15)
 
 
+def test_a_table_says_which_figures_it_has_no_room_for(results):
+    """An array of a run is in no cell; nobody shall take that for a figure that no run had."""
+    done = results(STUDY, DIAGRAM.rstrip() + "\n      whole: {signal: lag.x, reduce: final}\n    ")
+    (table,) = tables.tables(done)
+    assert table.notes == ["Arrays, which `study.nc` alone holds: whole."]
+    assert {line[-1] for line in table.rows} == {"—"} and len(next(done.rows())["metrics"]["whole"]) == 3
+
+
 def test_every_reduction_has_its_statistic_over_runs():
     assert set(OVER_RUNS) == set(REDUCTIONS)
     assert set(OVER_RUNS.values()) <= set(STATISTICS)
