@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import results, rules, run
+from cosim import Parameter, results, rules, run
 
 DIAGRAMS = Path(__file__).parents[1] / "diagrams"
 ALL = sorted(path.name for path in DIAGRAMS.glob("*.yaml"))
@@ -149,3 +149,25 @@ def test_coupling_errors_vanish_with_the_step():
     assert gaps["jacobi"] == pytest.approx(gaps["joint"], rel=5e-3)
     assert gaps["gauss-seidel"] == pytest.approx(gaps["joint"], rel=5e-3)
     assert len(set(gaps.values())) == 3
+
+
+@pytest.mark.parametrize("diagram", ["formation.yaml", "oft_observer.yaml"])
+def test_the_blocks_defaults_are_the_papers_values(formation, tmp_path, diagram):
+    """Section IV, Table I and (44): whoever leaves a parameter out simulates the paper's system."""
+    path = formation.with_name(diagram)
+    whole = run.load(path)
+    defaults = {
+        name: [v.name for v in slave.declaration.of(Parameter) if v.start is not None and v.name in slave.given]
+        for name, slave in whole.slaves.items()
+    }
+    assert sum(map(len, defaults.values())) > 25
+    lines = [f"extends: {path}", "blocks:"]
+    lines += [
+        f"  {name}: {{parameters: {{{', '.join(f'{v}: ~' for v in of)}}}}}" for name, of in defaults.items() if of
+    ]
+    (tmp_path / "bare.yaml").write_text("\n".join(lines))
+    bare = run.load(tmp_path / "bare.yaml")
+    for name, of in defaults.items():
+        for parameter in of:
+            given, default = np.broadcast_arrays(*(n.slaves[name].values[parameter] for n in (whole, bare)))
+            np.testing.assert_array_equal(default, given, err_msg=f"{name}.{parameter}")
