@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cosim.block import Declaration, Function, Variable
+from cosim.block import Declaration, Function, is_scalar, variable_of
 from cosim.fingerprint import fingerprint
 
 # A frame's words: what a kernel leaves where it fails (the address of a text, two numbers for it, the instance, and the
@@ -35,18 +35,6 @@ class Source:
     checked: bool = False
     place: str = ""
     who: str = ""
-
-
-def is_scalar(variable: Variable, function: Function, argument: str) -> bool:
-    """Whether an argument comes as a number: a scalar that the function only reads."""
-    return variable.shape == () and argument not in function.writes
-
-
-def variable_of(declaration: Declaration, argument: str) -> Variable:
-    """The variable behind an argument; ``d_x`` and ``next_x`` have the shape of ``x``."""
-    if argument in declaration.variables:
-        return declaration.variables[argument]
-    return declaration.variables[argument.partition("_")[2]]
 
 
 def run_time_dimensions(declaration: Declaration, constants: dict[str, int]) -> list[str]:

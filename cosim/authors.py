@@ -15,9 +15,8 @@ from types import FunctionType, ModuleType
 from typing import Any, cast
 
 from cosim import naming
-from cosim.adapters import is_scalar, variable_of
 from cosim.author_source import Text, arguments_of, function_text, shown
-from cosim.block import Declaration, Function, Local, State, Variable
+from cosim.block import Declaration, Function, Local, State, Variable, is_scalar, variable_of
 from cosim.dataflow import Effects, LeftOut, effects, scope_of
 from cosim.errors import CosimError, DeclarationError, Position, Problems, nearest
 from cosim.shared_operations import unshared

@@ -47,12 +47,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cosim import naming
 from cosim.errors import CosimError, DeclarationError, Problems, nearest
+from cosim.foreign import Foreign
 
 Unit = str | tuple[str, ...] | None
 KINDS = ("calculate", "start", "outputs", "derivatives", "update")
@@ -121,7 +122,8 @@ class Output(Variable):
 class Local(Variable):
     """A quantity that recordings, measuring blocks and other locals may read, ports may not.
 
-    Also a work space, whose content lasts for a call: what is to last longer is a State.
+    Also a work space, whose content lasts for a call: what is to last longer is a State. Every element is written,
+    unless it says finite=False.
     """
 
     causality = "local"
@@ -235,21 +237,6 @@ class Function:
     def reads(self) -> tuple[str, ...]:
         """The variables (and `time`) that the function reads."""
         return tuple(a for a in self.arguments if a not in self.writes)
-
-
-class Foreign(Protocol):
-    """What stands behind a block that is no Python code, such as an FMU: one kernel does all its functions.
-
-    kernel: ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame has for it between
-    the instance count and the arguments; whoever opens instances for a run fills them. parts: the instances for one
-    run, each a `cosim.hosts.Part`; loop: a `cosim.hosts.Loop`; zeros gives memory that all processes of the run share.
-    """
-
-    @property
-    def kernel(self) -> Callable[[float, int, int], int]: ...
-    @property
-    def frame_words(self) -> int: ...
-    def parts(self, slave: Any, calls: Any, arena: Any, loop: Any, wanted: set[str], zeros: Any) -> Any: ...
 
 
 @dataclass
@@ -450,6 +437,18 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
 
 #: Whether mistakes wait in the declarations until a file has been read to its end.
 _waiting: ContextVar[bool] = ContextVar("waiting", default=False)
+
+
+def is_scalar(variable: Variable, function: Function, argument: str) -> bool:
+    """Whether an argument comes as a number: a scalar that the function only reads."""
+    return variable.shape == () and argument not in function.writes
+
+
+def variable_of(declaration: Declaration, argument: str) -> Variable:
+    """The variable behind an argument; ``d_x`` and ``next_x`` have the shape of ``x``."""
+    if argument in declaration.variables:
+        return declaration.variables[argument]
+    return declaration.variables[argument.partition("_")[2]]
 
 
 @contextmanager

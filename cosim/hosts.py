@@ -14,69 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from cosim import engine
 from cosim.errors import BlockFailed, CosimError
+from cosim.foreign import Part
 from cosim.supervision import Commands, Crew, Ended, Patience, never
 from cosim.table import Call, Table
 from cosim.worker import Abandoned, Worker
 
 ENGINE = "engine"
-
-
-@dataclass(frozen=True)
-class Loop:
-    """What a foreign block is told of the loop that calls it.
-
-    step: communication step (s). inner_step: of the integration of its states (s), which asks for derivatives `stages`
-    times; joint: with the states of all other blocks. ending: the address of the word that ends the run, see
-    `cosim.engine.ENDING`. again: of the word that asks for another evaluation of outputs, see `cosim.engine.AGAIN`.
-    """
-
-    step: float
-    inner_step: float
-    stages: int
-    joint: bool
-    ending: int
-    again: int
-
-
-class Trace(Protocol):
-    """What shared memory tells of a part: a number that changes with every call, None while none is under way; whether
-    one failed, and how all ended."""
-
-    @property
-    def activity(self) -> int | None: ...
-    @property
-    def failed(self) -> bool: ...
-    @property
-    def terminated(self) -> bool: ...
-    def termination(self) -> CosimError: ...
-    def warnings(self) -> list[CosimError]: ...
-    def ended(self, how: str, hung: bool, time: float) -> CosimError: ...
-
-
-class Part(Protocol):
-    """Instances of a foreign block that live together in one process: that of the name, "" for the engine's.
-
-    `open`, `failure`, `close` and `serve` are called there. A part with a process of its own serves the loop until it
-    is told to `stop`; it is `busy` while the loop waits for it.
-    """
-
-    process: str
-    trace: Trace
-
-    def open(self) -> None: ...
-    def failure(self, time: float) -> CosimError: ...
-    def close(self, terminate: bool) -> None: ...
-    def serve(self) -> None: ...
-    def stop(self) -> None: ...
-    @property
-    def busy(self) -> bool: ...
 
 
 Parts = Mapping[str, Sequence[Part]]

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 import sys
 
-from cosim import library, order, rules
+from cosim import library, order, rules, windows
 from cosim.block import Block, Declaration, Parameter, State, Variable
 from cosim.entry import BlockEntry
 from cosim.errors import Position
 from cosim.network import Network, Slave
-from cosim.run import reduced
 from cosim.source import Node
 from cosim.terminal import TIED, print_rows, print_warnings, print_wrapped, say
 
@@ -21,7 +20,7 @@ TEXT_COLUMN = 9
 def print_network(network: Network) -> None:
     """The slaves in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
     run = network.diagram.run
-    _, warnings = reduced(network)
+    _, warnings = windows.reduced(network)
     valid = "valid as far as can be told without their code" if network.unchecked else "valid"
     say(f"{network.diagram.title or network.diagram.path.name}: {len(network.diagram.blocks)} blocks, {valid}")
     say(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s")

@@ -91,13 +91,6 @@ def block_module(declaration: Declaration, constants: dict[str, int]) -> Module:
     return module(name.rstrip("-"), sources)
 
 
-def engine_module() -> Module:
-    """The compiled loop: symbols `run` and `execute` of `cosim.engine`, behind the kernel ABI."""
-    from cosim import engine
-
-    return raw_module("engine", (engine.run, engine.execute))
-
-
 def raw_module(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> Module:
     """Compiled functions of a time and two addresses, each behind the kernel ABI under its own name."""
     return module(name, [raw_source(name, function) for function in functions])

@@ -30,6 +30,7 @@ from cosim.errors import (
     KernelError,
     Problems,
 )
+from cosim.foreign import Loop
 from cosim.network import Signal, Slave
 from cosim.table import UNWRITTEN, Call, Place, Table, copy_of
 
@@ -94,7 +95,7 @@ def compile_table(table: Table) -> Kernels:
     """
     made: dict[tuple[Any, ...], kernels.Module | None] = {}
     problems = Problems()
-    result = Kernels(loop=kernels.engine_module())
+    result = Kernels(loop=kernels.raw_module("engine", (engine.run, engine.execute)))
     for name, slave in table.network.slaves.items():
         foreign = slave.declaration.foreign
         if foreign:
@@ -256,13 +257,13 @@ class Simulation:
         assert slave.declaration.foreign
         return slave.declaration.foreign.parts(slave, calls, self.arena, self._loop(slave), wanted, self._zeros)
 
-    def _loop(self, slave: Slave) -> hosts.Loop:
+    def _loop(self, slave: Slave) -> Loop:
         """What a foreign block is told of the loop."""
         run = self.table.network.diagram.run
         joint = run.method == "joint"
         method, inner_steps = (run.integrator, run.inner_steps) if joint else (slave.method, slave.inner_steps)
         ending, again = (self.control.ctypes.data + 8 * word for word in (engine.ENDING, engine.AGAIN))
-        return hosts.Loop(self.step, self.step / inner_steps, {"euler": 1, "rk4": 4}[method], joint, ending, again)
+        return Loop(self.step, self.step / inner_steps, {"euler": 1, "rk4": 4}[method], joint, ending, again)
 
     def close(self) -> None:
         """End all instances of foreign blocks; signals can still be read. Raises: SlaveCrashed, SlaveHung."""

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from cosim import engine, order
-from cosim.adapters import FAULT_WORDS, run_time_dimensions, variable_of
-from cosim.block import CalculatedParameter, Function, Input, Local, Output, Parameter, State, Variable
+from cosim.adapters import FAULT_WORDS, run_time_dimensions
+from cosim.block import CalculatedParameter, Function, Input, Local, Output, Parameter, State, Variable, variable_of
 from cosim.errors import FmuError
 from cosim.memory import ALIGNMENT, private
 from cosim.network import Network, Signal, Slave

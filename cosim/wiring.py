@@ -12,7 +12,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from cosim import dimensions, order, rules, sizes, swaps, units
+from cosim import dimensions, library, order, replacing, rules, sizes, units, windows
 from cosim.block import Block, Input, Local, Parameter, State, Unit, Variable
 from cosim.diagram import BlockEntry, Diagram, note_inherited
 from cosim.errors import (
@@ -135,10 +135,8 @@ class _Wiring:
     # ---- blocks and names ----
 
     def _slave(self, entry: BlockEntry) -> None:
-        from cosim import library
-
         block: type[Block] = library.find(entry)
-        swap = swaps.settle(entry, block.declaration, self.problems, self.code)
+        swap = replacing.settle(entry, block.declaration, self.problems, self.code)
         if swap:
             self.swaps.append(swap)
         run = self.diagram.run
@@ -392,9 +390,7 @@ class _Wiring:
             self._check_own_input(node)
         metrics = {name: metric for name, metric in self.diagram.metrics.items() if self._found(metric.signal)}
         if self.diagram.run.steps:
-            from cosim.run import reduced  # which imports this module
-
-            self.problems.attempt(reduced, Network(replace(self.diagram, metrics=metrics), self.slaves))
+            self.problems.attempt(windows.reduced, Network(replace(self.diagram, metrics=metrics), self.slaves))
 
     def _found(self, node: Node) -> bool:
         """Whether a signal that is named is there and its shape is known; if it is not there, that is a mistake."""

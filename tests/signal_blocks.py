@@ -106,7 +106,7 @@ class Average(Block):
     u = Input("robots", "n")
     mean = Output("n")
     number = Output("robots", dtype="int32")
-    memory = Local("robots", "neighbours")
+    memory = Local("robots", "neighbours", finite=False)
 
     def outputs(u, mean, number, memory):
         for q in range(u.shape[1]):

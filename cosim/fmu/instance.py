@@ -22,7 +22,7 @@ from cosim.fmu import layout, messages
 from cosim.fmu.binary import Library
 from cosim.fmu.ports import Port
 from cosim.fmu.trace import Trace
-from cosim.hosts import Loop
+from cosim.foreign import Loop
 from cosim.memory import invoke, own, private, words_at
 
 REASONS = {
@@ -55,7 +55,7 @@ class _Callbacks2(ctypes.Structure):
 
 
 class Instances:
-    """Instances of an FMU block in one run; a `cosim.hosts.Part` of the engine's process.
+    """Instances of an FMU block in one run; a `cosim.foreign.Part` of the engine's process.
 
     Making this calls nothing of the FMU, so that the process which does can be watched from here: see `trace`.
 

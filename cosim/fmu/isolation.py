@@ -16,14 +16,14 @@ import numpy as np
 from cosim import floating, kernels
 from cosim.fmu import adapter, layout, mailbox
 from cosim.fmu.instance import Instances
-from cosim.hosts import Loop
+from cosim.foreign import Loop
 from cosim.memory import words_at
 
 _KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class Served(Instances):
-    """Instances in a process of their own; a `cosim.hosts.Part`."""
+    """Instances in a process of their own; a `cosim.foreign.Part`."""
 
     def __init__(self, fmu: Any, slave: Any, calls: Sequence[Any], arena: np.ndarray, *arguments: Any) -> None:
         super().__init__(fmu, slave, calls, arena, *arguments)
