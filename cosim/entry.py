@@ -182,6 +182,8 @@ def _attribute(where: str, key: str, node: Node, reader: Reader) -> Any:
 
 def _sources(node: Node, where: str, reader: Reader) -> Node:
     """What an input reads; an empty list where a mistake keeps that from being known."""
+    if node.value == []:
+        reader.wrong(node, f"`{where}` is an empty list", "name what it reads, such as plant.x", WrongValue)
     return node if reader.endpoints(node, where) else replace(node, value=[])
 
 

@@ -179,8 +179,6 @@ class Reader:
     def endpoints(self, node: Node, name: str) -> list[Node]:
         """One or several texts of the form `block.port`: those that are."""
         nodes = node.value if isinstance(node.value, list) else [node]
-        if not nodes:
-            self.wrong(node, f"`{name}` is an empty list", "name what it reads, such as plant.x", WrongValue)
         return [n for n in nodes if self.endpoint(n, name)]
 
     def block_name(self, name: str, node: Node) -> None:
