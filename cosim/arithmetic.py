@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ from llvmlite import ir
 from numba.core import cgutils, errors, types
 from numba.core import ir as statements
 from numba.core.compiler_machinery import FunctionPass, register_pass
+from numba.core.ir_utils import get_definition, guard
 from numba.core.postproc import PostProcessor
+from numba.cpython import numbers
 from numba.extending import intrinsic
 from numba.np.ufunc.dufunc import DUFunc
 from numba.np.ufunc.gufunc import GUFunc
@@ -30,6 +33,18 @@ REPEATED = 0x10000  # the largest exponent for which numba multiplies
 _IN_PLACE = {"add", "sub", "mul", "truediv"}
 _KNOWN = {id(function) for function in SHARED_BUILTINS | SHARED_MATH | SHARED_NUMPY}
 _METHODS = {"fill", "item", "argmax", "argmin"}
+
+
+@contextmanager
+def wrapping() -> Iterator[None]:
+    """Inside, integers that are compiled wrap; numba tells LLVM that they never do. Needs numba's compiler lock."""
+    emitted: Any = numbers
+    flags = emitted._int_arith_flags
+    emitted._int_arith_flags = lambda kind: []
+    try:
+        yield
+    finally:
+        emitted._int_arith_flags = flags
 
 
 @intrinsic
@@ -63,6 +78,16 @@ def _narrow_number(kind: Any) -> bool:
     return kind not in (types.float64, types.int64, types.boolean)
 
 
+def _reads(value: Any, function: Any) -> bool:
+    """Whether an expression gives an element of an array as it lies there."""
+    if value.op != "call":
+        return value.op in ("getitem", "static_getitem", "pair_first")
+    called = guard(get_definition, function, value.func)
+    if isinstance(called, (statements.Global, statements.FreeVar)):
+        return called.value is min or called.value is max
+    return isinstance(called, statements.Expr) and called.op == "getattr" and called.attr == "item"
+
+
 def _globals(function: Any) -> Iterator[Any]:
     """The constants that a function sees."""
     for found in function._definitions.values():
@@ -87,7 +112,7 @@ class Widening(FunctionPass):
             body: list[Any] = []
             for inst in block.body:
                 value = getattr(inst, "value", None)
-                if isinstance(value, statements.Expr) and value.op in ("getitem", "static_getitem", "pair_first"):
+                if isinstance(value, statements.Expr) and _reads(value, function):
                     read, name = (block.scope.make_temp(inst.loc) for _ in range(2))
                     callee = statements.Global("widened", widened, inst.loc)
                     call = statements.Expr.call(name, (read,), (), inst.loc)
@@ -135,6 +160,8 @@ class Arithmetic:
             self._check_operator(function, value.lhs, value.rhs, inst)
         elif value.op == "call":
             self._check_call(value, inst)
+        elif value.op == "unary" and value.fn is operator.invert and self._is_truth(value.value):
+            raise errors.UnsupportedError("`~` of a truth value", inst.loc)
         elif value.op == "getattr" and value.attr == "ctypes":
             raise errors.UnsupportedError("an address may not be known", inst.loc)
         elif value.op == "arrayexpr" or (value.op == "unary" and self._is_array(value.value)):
@@ -142,6 +169,9 @@ class Arithmetic:
 
     def _is_array(self, operand: Any) -> bool:
         return isinstance(operand, statements.Var) and isinstance(self.typeof(operand.name), types.Array)
+
+    def _is_truth(self, operand: Any) -> bool:
+        return isinstance(operand, statements.Var) and isinstance(self.typeof(operand.name), types.Boolean)
 
     def _check_operator(self, function: Any, left: Any, right: Any, inst: Any) -> None:
         if self._is_array(left) or self._is_array(right):
@@ -194,6 +224,8 @@ class Arithmetic:
                 raise errors.UnsupportedError(_ALLOCATES, inst.loc)
         if function is range and any(isinstance(self.typeof(a.name), types.Float) for a in call.args):
             raise errors.UnsupportedError("range() of a real number: make it whole with int() first", inst.loc)
+        if function is round and len(call.args) > 1:
+            raise errors.UnsupportedError(f"round() to digits: {_LOOP}", inst.loc)
         rounding = function in (int, round, math.floor, math.ceil, math.trunc) and len(call.args) == 1
         if rounding and isinstance(self.typeof(call.args[0].name), types.Float):
             self._check_integer(self.loadvar(call.args[0].name))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
@@ -43,7 +44,7 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
     from numba.core.compiler import Compiler, Flags, compile_extra
     from numba.core.compiler_lock import global_compiler_lock
 
-    from cosim import checks, helpers
+    from cosim import arithmetic, checks, helpers
 
     signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
     flags: Any = Flags()
@@ -56,19 +57,21 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
         for source in sources:
             flags.noalias, flags.boundscheck = source.disjoint, source.checked
+            meaning = arithmetic.wrapping() if source.checked else nullcontext()
             try:
                 adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
-                result = compile_extra(
-                    target.typing_context,
-                    target.target_context,
-                    adapter,
-                    signature,
-                    types.int32,
-                    flags,
-                    locals={},
-                    library=library,
-                    pipeline_class=checks.Compiler if source.checked else Compiler,
-                )
+                with meaning:
+                    result = compile_extra(
+                        target.typing_context,
+                        target.target_context,
+                        adapter,
+                        signature,
+                        types.int32,
+                        flags,
+                        locals={},
+                        library=library,
+                        pipeline_class=checks.Compiler if source.checked else Compiler,
+                    )
             except Exception as error:
                 problems.add(_explain(error, source, name))
                 continue

@@ -32,7 +32,8 @@ class Courses:
     def of_members(self) -> list[Course]:
         """The course of each member."""
         low, high = self._smallest, self._largest
-        return [Course(*map(float, row)) for row in zip(low.values, low.times, high.values, high.times, strict=True)]
+        columns = (low.exact(), low.times.tolist(), high.exact(), high.times.tolist())
+        return [Course(*row) for row in zip(*columns, strict=True)]
 
 
 class _Extremes:
@@ -50,8 +51,14 @@ class _Extremes:
     def update(self, times: Array, series: Array) -> None:
         """times: (k,); series: (members, elements, k)."""
         found = self._pick.reduce(self._pick.reduce(series, axis=2), axis=1)
+        if found.dtype.kind in "iu" and np.isnan(self.times).all():
+            self.values = np.zeros(len(found), found.dtype)  # a float64 holds no integer beyond 2^53
         unseen, lost = np.isnan(self.times), np.isnan(self.values)
         better = unseen | (~lost & (np.isnan(found) | (self._pick(found, self.values) != self.values)))
         if better.any():
             self.values[better] = found[better]
             self.times[better] = times[self._place(self._pick.reduce(series[better], axis=1), axis=1)]
+
+    def exact(self) -> list[Any]:
+        """The extremes, of integers as such."""
+        return (self.values if self.values.dtype.kind in "iu" else self.values.astype(float)).tolist()

@@ -32,6 +32,26 @@ _MEANINGS = (
         "write 1.0 if a > b else 0.0",
     ),
     (
+        r"`~` of a truth value",
+        "inverts a truth value with `~`, which makes -1 or -2 of it in Python",
+        "write `not`",
+    ),
+    (
+        r">>> [gs]etitem\((?:readonly )?array\([^()]*\), bool",
+        "takes an element at an index that is a truth value",
+        "make it a number with int(…)",
+    ),
+    (
+        r">>> setitem\(array\([^()]*\), .*?, complex",
+        "puts a complex number where a real one has its place",
+        "take such powers of positive numbers only",
+    ),
+    (
+        r"reflected (?P<b>list|set)\(.*?assigned to variable '(?P<a>\w+)' in globals",
+        "uses the {b} `{a}` of the module, and compiled code knows constants only",
+        "make it a tuple, with ( ) around its elements",
+    ),
+    (
         r">>> getitem\((?P<a>int\d+|float\d+|bool\w*), ",
         "takes an element of a number",
         "leave the index out, or declare the variable with a shape",

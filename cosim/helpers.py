@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import numpy as np
 from numba.core import config as numba_config
 from numba.core import sigutils
 from numba.core.compiler import Compiler
@@ -106,6 +107,8 @@ def with_compiled_globals(
     scope = dict(function.__globals__)
     for name in _names(function.__code__):
         value = scope.get(name)
+        if isinstance(value, np.generic):  # of which numba would keep the width
+            scope[name] = value.item()
         value = getattr(value, "py_func", value)  # an author's jitted function is compiled as the others are
         if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
             continue
@@ -119,11 +122,19 @@ def with_compiled_globals(
             place = Position(shown(code.co_filename), code.co_firstlineno, 1)
             raise KernelError(f"{name}() calls itself", place, "write the recursion as a loop")
         scope[name] = _helper(value, disjoint, checked, (*inside, value))
-    copy = python_types.FunctionType(
-        function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
-    )
+    cells = tuple(map(_widened, function.__closure__ or ())) or None
+    copy = python_types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, cells)
     copy.__module__ = function.__module__
     return copy
+
+
+def _widened(cell: Any) -> Any:
+    """A cell of a closure, with a number of Python's own for one of numpy's."""
+    try:
+        value = cell.cell_contents
+    except ValueError:  # nothing is in it yet
+        return cell
+    return python_types.CellType(value.item()) if isinstance(value, np.generic) else cell
 
 
 def _helper(function: Callable[..., Any], disjoint: bool, checked: bool, inside: tuple[Any, ...]) -> Helper:

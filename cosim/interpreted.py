@@ -1,19 +1,22 @@
 """Authors' functions as plain Python whose numbers behave as in compiled kernels, to the bit.
 
-A kernel computes with float64 (IEEE 754, so that 1/0 is infinite and sqrt(-1) is NaN), int64 (which wraps) and bool;
-narrower elements are widened when they are read. Python raises here, and its integers grow. So an interpreted function
-is its own code, line by line, with other constants, and with stand-ins for `math`, `numpy` and some built-in functions.
+A kernel computes with float64 (IEEE 754, so that 1/0 is infinite and sqrt(-1) is NaN), int64 (which wraps) and bool,
+with which it counts; narrower elements are widened when they are read. Python raises here, its integers grow, and numpy
+adds truth values as it pleases. So an interpreted function is its own code, line by line, with other constants, with
+the truth of a comparison as an integer, and with stand-ins for `math`, `numpy` and some built-in functions.
 """
 
 from __future__ import annotations
 
+import ast
 import builtins
 import ctypes
 import ctypes.util
+import linecache
 import math
 import types
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -154,12 +157,17 @@ def power(base: np.float64, exponent: int) -> np.float64:
     return np.float64(1.0) / result if exponent < 0 else result
 
 
+def truth(value: Any) -> Any:
+    """A truth value as the integer that kernels count with; anything else that a comparison gives as it is."""
+    return _SMALL[1 if value else 0] if isinstance(value, (bool, np.bool_)) else value
+
+
 def number(value: Any) -> Any:
     """What a kernel makes of a constant, or of an element that it reads."""
     if type(value) is np.float64:
         return value
     if isinstance(value, (bool, np.bool_)):
-        return bool(value)
+        return truth(value)
     if isinstance(value, (int, np.integer)):
         return Integer(value)
     if isinstance(value, (float, np.floating)):
@@ -169,6 +177,21 @@ def number(value: Any) -> Any:
 
 class Reals(np.ndarray):
     """An array of float64, whose elements numpy reads and writes as kernels do."""
+
+    @property
+    def size(self) -> Integer:  # type: ignore[override]
+        """How many elements there are."""
+        return _checked(super().size)
+
+    @property
+    def ndim(self) -> Integer:  # type: ignore[override]
+        """How many axes there are."""
+        return _checked(super().ndim)
+
+    @property  # type: ignore[misc]
+    def shape(self) -> tuple[Integer, ...]:  # type: ignore[override]
+        """The sizes of the axes."""
+        return tuple(map(_checked, super().shape))
 
 
 class Array(Reals):
@@ -250,26 +273,28 @@ def _range(*bounds: Any) -> Iterable[Integer]:
     return map(_checked, numbers)
 
 
-def _round(value: Any, digits: Any = None) -> Any:
-    return _to_integer(round)(value) if digits is None else np.float64(round(float(value), int(digits)))
+def _enumerate(values: Any, start: Any = 0) -> Iterable[tuple[Integer, Any]]:
+    return ((_checked(k), value) for k, value in enumerate(values, start))
 
 
-def _float(value: Any) -> np.float64:
-    if isinstance(value, (bool, np.bool_)):
-        raise TypeError("float() of a truth value, which kernels do not have")
-    return np.float64(value)
+def _judged(predicate: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *values: truth(predicate(*values))
 
 
 _BUILTINS = {
     "range": _range,
     "int": Integer,
-    "round": _round,
-    "float": _float,
+    "round": _to_integer(round),
+    "float": np.float64,
+    "bool": _judged(bool),
+    "isinstance": _judged(isinstance),
+    "enumerate": _enumerate,
     "len": lambda value: _checked(len(value)),
 }
 _MATH: dict[str, Any] = {name: _of_libm(name, 1) for name in _ONE}
 _MATH |= {name: _of_libm(name, 2) for name in _TWO}
 _MATH |= {name: _to_integer(getattr(math, name)) for name in ("floor", "ceil", "trunc")}
+_MATH |= {name: _judged(getattr(math, name)) for name in ("isnan", "isinf", "isfinite")}
 _MATH |= {name: np.float64(getattr(math, name)) for name in ("pi", "e", "tau", "inf", "nan")}
 _STANDING = {getattr(math, name): function for name, function in _MATH.items() if callable(getattr(math, name))}
 _STANDING |= {getattr(builtins, name): function for name, function in _BUILTINS.items()}
@@ -331,9 +356,12 @@ def function(python: Callable[..., Any]) -> Callable[..., Any]:
     if id(python) in _functions:
         return _functions[id(python)][1]
     assert isinstance(python, types.FunctionType)
-    scope: dict[str, Any] = {"__builtins__": vars(builtins) | _BUILTINS, "__name__": python.__module__}
+    scope: dict[str, Any] = {
+        "__builtins__": vars(builtins) | _BUILTINS | {_TRUTH: truth},
+        "__name__": python.__module__,
+    }
     cells = tuple(types.CellType() for _ in python.__closure__ or ())
-    made = types.FunctionType(_code(python.__code__), scope, python.__name__, None, cells or None)
+    made = types.FunctionType(_code(_counting(python)), scope, python.__name__, None, cells or None)
     _functions[id(python)] = python, made  # now, as helpers may call each other
     made.__defaults__ = seen(python.__defaults__)
     made.__kwdefaults__ = {k: seen(v) for k, v in (python.__kwdefaults__ or {}).items()} or None
@@ -343,6 +371,48 @@ def function(python: Callable[..., Any]) -> Callable[..., Any]:
         if name in python.__globals__:
             scope[name] = seen(python.__globals__[name])
     return made
+
+
+_TRUTH = "truth of kernels"
+"""Under a name that no author can write."""
+
+
+class _Counting(ast.NodeTransformer):
+    """Makes an integer of what comparisons and `not` give; every line stays where it is."""
+
+    def _judge(self, node: Any) -> Any:
+        judged: Any = self.generic_visit(node)
+        called = ast.Call(ast.Name(_TRUTH, ast.Load()), [judged], [])
+        return ast.fix_missing_locations(ast.copy_location(called, node))
+
+    visit_Compare = _judge
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
+        return self._judge(node) if isinstance(node.op, ast.Not) else self.generic_visit(node)
+
+
+def _counting(python: types.FunctionType) -> types.CodeType:
+    """A function's code in which truth values count; its own code where its text cannot be read."""
+    code = python.__code__
+    text = "".join(linecache.getlines(code.co_filename, python.__globals__))
+    return next((counting for plain, counting in _module_codes(text, code.co_filename) if plain == code), code)
+
+
+@lru_cache(maxsize=64)
+def _module_codes(text: str, file: str) -> tuple[tuple[types.CodeType, types.CodeType], ...]:
+    """The code of every function of a module, and the same in which truth values count."""
+    try:
+        plain = compile(text, file, "exec", dont_inherit=True)
+        counting = compile(_Counting().visit(ast.parse(text)), file, "exec", dont_inherit=True)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return ()
+    return tuple(zip(_codes(plain), _codes(counting), strict=True))
+
+
+def _codes(code: types.CodeType) -> Iterable[types.CodeType]:
+    for inner in (c for c in code.co_consts if isinstance(c, types.CodeType)):
+        yield inner
+        yield from _codes(inner)
 
 
 def _code(code: types.CodeType) -> types.CodeType:

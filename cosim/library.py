@@ -91,7 +91,7 @@ def import_file(path: Path) -> ModuleType:
             try:
                 tree = ast.parse(content, str(real))
                 with importing.guarded(f"`{path}`"), mistakes_wait():
-                    exec(compile(tree, str(real), "exec"), module.__dict__)
+                    exec(compile(tree, str(real), "exec", dont_inherit=True), module.__dict__)
             except (Exception, SystemExit, importing.Stuck) as error:
                 problems.add(_import_error(error, path, str(real.parent)))
             else:

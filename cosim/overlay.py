@@ -221,7 +221,10 @@ def _match(
     if done == ("blocks",) and _has_block(known, path[0]):
         return path[0], path[1:]
     message = f"`{where}` has no `{'.'.join(path) if is_value_list else path[0]}`"
-    raise UnknownSetting(message, position, nearest(path[0], {*known, *grammar} - {ANY, "extends"}))
+    fix = nearest(path[0], {*known, *grammar} - {ANY, "extends"})
+    if not done and len(path) > 1 and "blocks" in known and path[0] in _child_mapping(known["blocks"]):
+        fix = f"write blocks.{path[0]}.parameters.{'.'.join(path[1:])}, or .start. for a state"
+    raise UnknownSetting(message, position, fix)
 
 
 def _element(node: Node, path: list[str], value: Node, position: Position, done: tuple[str, ...]) -> Node:

@@ -78,6 +78,9 @@ def unshared(function: Any) -> Iterator[tuple[Text, Any, str, str]]:
             scope.pop(name, None)
         for node, what, fix in _found(text.node, scope):
             yield text, node, what, fix
+        for argument in text.node.args.kwonlyargs:
+            what = f"takes `{argument.arg}` by name only, which compiled code cannot"
+            yield text, argument, what, "leave out the `*` before it"
         for node in ast.walk(text.node):
             helper = resolve(node.func, scope) if isinstance(node, ast.Call) else None
             helper = getattr(helper, "py_func", helper)
@@ -156,6 +159,8 @@ def _expression(node: Any, scope: dict[str, Any]) -> tuple[str, str] | None:
             return "makes a dictionary or a set, which needs memory of its own", WORK_SPACE
         case ast.List() | ast.ListComp() | ast.GeneratorExp() if not isinstance(getattr(node, "ctx", None), ast.Store):
             return "makes a list, which needs memory of its own", WORK_SPACE
+        case ast.UnaryOp(op=ast.Invert(), operand=ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not())):
+            return "inverts a truth value with `~`, which makes -1 or -2 of it in Python", "write `not`"
         case ast.BinOp(op=ast.MatMult()) | ast.AugAssign(op=ast.MatMult()):
             fix = "write the sums as loops, such as y[i] += A[i, j] * x[j]"
             return "multiplies matrices with `@`, which makes a new array and adds in another order", fix
@@ -181,6 +186,9 @@ def _expression(node: Any, scope: dict[str, Any]) -> tuple[str, str] | None:
 def _call(node: ast.Call, scope: dict[str, Any]) -> tuple[str, str] | None:
     func = node.func
     value = resolve(func, scope)
+    if value is round and len(node.args) + len(node.keywords) > 1:
+        what = "rounds to decimal digits with `round()`, which the two engines do differently"
+        return what, "scale it, such as math.floor(x * 100.0 + 0.5) / 100.0"
     if isinstance(func, ast.Attribute) and value is None:
         owner = resolve(func.value, scope)
         if func.attr in ADDING and owner is None:

@@ -28,8 +28,10 @@ math.tanh(a); math.asinh(a); math.acosh(a); math.atanh(a); math.erf(a); math.erf
 math.pow(a, b); math.pow(2.0, a); math.pow(10.0, a); math.pow(a, 2.0); math.pow(a, 0.5); math.fabs(a)
 math.copysign(a, b); np.sin(a); np.exp(a); np.log(a); np.sqrt(a); np.arctan2(a, b); np.abs(a); np.sqrt(abs(i)); 1 / a
 1.0 / (a - a); math.inf - a; a * math.nan; float(i); f32 + f32; -f32; f32 * f32 / 3; f32 + u8; math.sqrt(i)
-a if p else b; ZERO / ZERO; 0.0 / ZERO; 1.0 / ZERO; a * LIST[1] ; round(a / 1e9, 2); divmod(a, b)[0]; divmod(a, b)[1]
+a if p else b; ZERO / ZERO; 0.0 / ZERO; 1.0 / ZERO; a * LIST[1]; divmod(a, b)[0]; divmod(a, b)[1]
 sum_of(a, b, i); default(a); math.pi * a; abs(-a) ** 1.5; (-a) ** b; (a or 1.0) ** i8; 2.0 ** -1074 * a
+min(f) * min(f); max(f) - 1e-9; -max(f); SINGLE * SINGLE; SINGLE + f32; (a > b) / 4; ((a > 0) + (b > 0)) * 0.5
+(a > b) / (a < b); -p / q; (not p) / (i > 0); n8.size / (n8.size - n8.shape[0]); share(a, b)
 """.replace("\n", ";").split(";")
 INTEGER = """
 i + j; i - j; i * j; -i; ~i; abs(i); i & j; i | j; i ^ j; i // (j & 62 | 3); i % (j & 62 | 3);
@@ -39,7 +41,11 @@ u64 - 9; u64 * 5; -u64; p + q; p - q; -p; p * i; p & q; p | q; p ^ q; (a > b) + 
 math.floor(c); math.ceil(c); math.trunc(c); int(c); round(c); i ** 2; i ** 3; (-1) ** (j & 7); 3 ** 4
 divmod(i, j & 62 | 3)[0]; divmod(i, j & 62 | 3)[1]; i + p; i > a; i == a; 2**53 + i; BIG * i; len((a, b)); int(u8) - 5
 i8 % 3; (i < j) == p; a < i; a == b; a != a; i8 // -2; i8 >> 1; bool(a) + 1; bool(i) + 1; math.isnan(a) + 0
-math.isinf(a / b) + 0
+math.isinf(a / b) + 0; min(n8) - max(n8); -max(n8); -min(n8); abs(min(n8)); min(TABLE) - max(TABLE); -BYTE; BYTE + BYTE
+BYTE * i; (a > b) + (a >= b); (a > b) - (a < b); -(a > b); +(a > b); (not a) + (not b); (0.0 < a < b) + (p == q)
+n8.size - 2; n8.shape[0] - 2; n8.ndim - 2; ranks(a, b); 2**63 - 1 + (i > j); (i > j) - 2**63; p + p + q; (p + q) ** 5
+math.isnan(a) + math.isinf(b) + math.isfinite(a); np.isnan(a) + np.isfinite(b); bool(a) + bool(b) + bool(i)
+(i in (1, 2)) + (i in (1, 3)); (i > j) * i; i * i + (i > j); sorted_by(a, b, i)
 """.replace("\n", ";").split(";")
 REAL, INTEGER = ([e.strip() for e in expressions if e.strip()] for expressions in (REAL, INTEGER))
 
@@ -48,6 +54,7 @@ import numpy as np
 from cosim import Block, Output, Parameter
 
 ZERO, BIG, LIST = 0.0, 2**61, (1.0, 2.0)
+BYTE, SINGLE, TABLE = np.uint8(200), np.float32(0.1), np.array([200, 3], np.uint8)
 
 
 def sum_of(a, b, i):
@@ -59,6 +66,27 @@ def sum_of(a, b, i):
 
 def default(x, y=0.0):
     return x / y
+
+
+def share(a, b):
+    total = 0.0
+    for k, value in enumerate((a, b)):
+        total += value * (k / k)
+    return total
+
+
+def ranks(a, b):
+    total = 0
+    for k, value in enumerate((a, b, a), 3):
+        total += k ** (k ** 3 - (value > 0) - (value > 1))
+    return total
+
+
+def sorted_by(a, b, i):
+    n = (a > b) + (a > 0) + (b > 0)
+    for _ in range((a > b) + (a == b) + 1):
+        n = n * n + i
+    return n
 
 
 def bits(x):
@@ -128,6 +156,49 @@ def test_other_numbers_are_computed_alike(tmp_path, trajectories, scale):
     assert_equal(native, python, reals)
 
 
+COUNTED = """
+import numpy as np
+from cosim import Block, Output, Parameter
+
+BYTE = np.uint8(200)
+
+
+class Counted(Block):
+    p = Parameter(default=0.6)
+    u = Parameter(3, dtype="uint8", default=(255, 7, 3))
+    f = Parameter(2, dtype="float32", default=(0.1, 3.0))
+    top = Parameter(dtype="int64", default=2**63 - 1)
+    y = Output(9)
+    n = Output(2, dtype="int64")
+
+    def outputs(p, u, f, top, y, n):
+        y[0] = (p > 0.1) + (p < 2.0)
+        y[1] = ((p > 0.1) + (p < 2.0)) * 0.5
+        y[2] = min(u) - max(u)
+        y[3] = -max(u)
+        y[4] = min(f) * min(f)
+        y[5] = -BYTE
+        y[6] = 0.0
+        for k, value in enumerate(u):
+            y[6] += k / 2
+        y[7] = -(p > 0.1) / 4
+        y[8] = u.size / 2
+        n[0] = 0x7FFFFFFFFFFFFFFF + (p > 0.1)
+        n[1] = top + top
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_truths_count_widths_do_not_matter_and_integers_wrap(tmp_path, trajectories, engine):
+    """As plain Python has it, but for the wrapping, which is that of two's complement."""
+    (tmp_path / "own.py").write_text(COUNTED)
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {b: {python: own.py:Counted}}\n")
+    found = trajectories(run.load(tmp_path / "d.yaml"), "b.y", "b.n", engine=engine)
+    tenth = float(np.float32(0.1))
+    assert found["b.y"][0].tolist() == [2.0, 1.0, -252.0, -255.0, tenth * tenth, -200.0, 1.5, -0.25, 1.5]
+    assert found["b.n"][0].tolist() == [-(2**63), -2]
+
+
 #: What both engines stop at: (statement, what is said)
 FAULTS = {
     "y[0] = i // z": "ZeroDivisionError",
@@ -162,6 +233,15 @@ REFUSED = {
     "r[0] = np.sqrt(two)[0]": r"calls `np\.sqrt`, which needs memory of its own",
     "r //= two": "by \\+ - \\* /",
     "y += y": "arrays of float64 only",
+    "r[0] = round(zero, 2)": r"rounds to decimal digits with `round\(\)`",
+    "r[0] = round(number=zero, ndigits=2)": r"rounds to decimal digits with `round\(\)`",
+    "y[0] = ~(zero > 1.0)": "inverts a truth value with `~`",
+    "y[0] = ~(zero > 1.0 or i > 2)": "inverts a truth value with `~`",
+    "y[0] = ~flag[0]": "inverts a truth value with `~`",
+    "r[zero > 1.0] = zero": "takes an element at an index that is a truth value",
+    "r[0] = two[zero > 1.0]": "takes an element at an index that is a truth value",
+    "r[0] = (-8.0) ** (1 / 3)": "puts a complex number where a real one has its place",
+    "r[0] = NUMBERS[1]": "uses the list `NUMBERS` of the module, and compiled code knows constants only",
     "y[0] = np.int32(i)": r"makes a `np\.int32` of a number, and numbers are float64, int64 and bool",
     "r[0] = float(zero > 1.0)": r"gives a truth value to float\(\), which takes numbers",
     "r[0] = abs((1j * zero) ** 2.5)": "computes with complex numbers",
@@ -205,6 +285,7 @@ import tools
 from cosim import Block, Output, Parameter
 from tools import jitted, vectorized
 
+NUMBERS = [1.0, 2.0]
 C_COS = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(math.cos)
 
 

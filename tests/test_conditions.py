@@ -161,6 +161,17 @@ def test_a_nan_stays_the_extreme():
     assert course.smallest_at == course.largest_at == 1.0
 
 
+@pytest.mark.parametrize("dtype", [np.int64, np.uint64])
+def test_extremes_of_integers_are_exact(dtype):
+    """A float64 holds no integer beyond 2^53."""
+    courses = Courses(2)
+    low, high = 2**53 + 1, 2**62 + 1
+    courses.update(np.array([0.0]), np.array([[high, 5]], dtype))
+    courses.update(np.array([1.0, 2.0]), np.array([[low, 7], [high, 6]], dtype))
+    assert courses.of_members() == [Course(low, 1.0, high, 0.0), Course(5, 0.0, 7, 1.0)]
+    assert isinstance(courses.of_members()[0].largest, int)
+
+
 def test_the_first_of_equal_extremes_counts():
     courses = Courses(1)
     courses.update(np.array([0.0, 1.0]), np.array([2, 2]))

@@ -268,6 +268,12 @@ def test_missing_files_and_overlays_that_extend_themselves(write, tmp_path, caps
     assert code == 2 and str(b) in text and "extends" in text and "fix:" in text
 
 
+def test_a_path_that_begins_with_a_block_is_told_where_blocks_stand(write, capsys):
+    code, text = check(write(GOOD), capsys, "--set", "lag.T=2")
+    assert code == 2 and "the diagram` has no `lag`" in text
+    assert "fix: write blocks.lag.parameters.T, or .start. for a state" in text
+
+
 def test_one_port_cannot_have_two_drivers(write, capsys):
     """Inputs are written where they are read, so a second driver can only be a second key."""
     code, text = check(write(GOOD.replace("{u: source.y}", "{u: source.y, u: lag.x}")), capsys)

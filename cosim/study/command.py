@@ -57,8 +57,9 @@ def run(path: Path, options: argparse.Namespace) -> Results:
         try:
             results = running.run(description.load(path, options.set), settings)
         except KeyboardInterrupt:
-            done = f"{counter.done} of {counter.total} members are done"
-            print(f"{done}; the same command goes on from there", file=sys.stderr)
+            so_far = f"{counter.done} of {counter.total} members" if counter.total else "the preparation"
+            kept = "all that is done is kept, and the same command goes on from there"
+            print(f"came as far as {so_far}; {kept}", file=sys.stderr)
             raise
     dataset.write(folder / "study.nc", results)
     tables.write(results, tables.tables(results))
