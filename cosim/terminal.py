@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import shutil
@@ -10,29 +9,23 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from decimal import Decimal
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, DiagramErrors, Position
-from cosim.metrics import for_json
+from cosim.formatting import format_change, format_duration, format_value
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-EVENTS_SHOWN = 8
 LIST_WIDTH = 26
-MOST_DIGITS = 10**9
-VISIBLE_CHANGE = 5e-5
-"""Four digits show a relative change from here on, if not always."""
 NARROWEST = 24
 """Characters that a column of words needs to be worth one."""
 UNLIMITED = 10_000
 TIED = "\N{NO-BREAK SPACE}"
 """A space at which no line ends; `print_wrapped` prints it as any other."""
-ELEMENTS_SHOWN = 6
 PATIENCE = 0.3
 """Seconds of wall-clock time that pass before a progress bar appears: a short run is not worth one."""
 ASCII = str.maketrans({"–": "-", "—": "-", "×": "x", "…": "...", "µ": "u", "²": "2", "³": "3", "√": "sqrt ", "·": "."})
@@ -135,53 +128,6 @@ def print_wrapped(text: str, hanging: int, file: IO[str] | None = None) -> None:
     print(text.rstrip().replace(TIED, " "), file=file)
 
 
-def format_value(value: Any) -> str:
-    """A metric's value with four significant digits; events one a line, such as `1–6 at 2.35 s`."""
-    if value is None:
-        return "—"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:#.4g}".removesuffix(".")
-    if isinstance(value, int):
-        return str(value) if abs(value) < MOST_DIGITS else f"{Decimal(value):.3e}"
-    if not isinstance(value, list):
-        return str(value)
-    if value and isinstance(value[0], Mapping):
-        lines = [_format_event(event) for event in value[:EVENTS_SHOWN]]
-        rest = len(value) - len(lines)
-        return "\n".join([*lines, f"and {rest} more"] if rest else lines)
-    more = ["…"] if len(value) > ELEMENTS_SHOWN else []
-    return f"[{', '.join([*map(format_value, value[:ELEMENTS_SHOWN]), *more])}]" if value else "none"
-
-
-def format_change(value: Any, previous: Mapping[str, Any], name: str) -> str:
-    """What changed since the previous run: `same`, `new`, per cent, a factor from 10 on, or just `changed`.
-
-    Nothing, where it is a change of digits that the figures do not show.
-    """
-    if name not in previous:
-        return "new"
-    before = previous[name]
-    if for_json(value) == for_json(before):  # one of which comes from a file
-        return "same"
-    if not (_is_number(value) and _is_number(before) and before):
-        return "changed"
-    try:
-        change = (value - before) / abs(before)
-    except OverflowError:
-        return "changed"
-    if not math.isfinite(change):
-        return "changed"
-    rounded = isinstance(value, float) or abs(value) >= MOST_DIGITS
-    if rounded and (abs(change) < VISIBLE_CHANGE or format_value(value) == format_value(before)):
-        return ""
-    if change >= 9 and before > 0:
-        return f"× {value / before:.3g}"
-    per_cent = 100 * change
-    return f"{per_cent:+.1f} %" if 0.1 <= abs(per_cent) < 1e5 else f"{per_cent:+.2g} %"
-
-
 class Progress:
     """A bar with simulated time, speed and time left, on standard error, if a person watches; else nothing.
 
@@ -224,16 +170,6 @@ class Progress:
         self._bar = Bar(BarColumn(bar_width=None), *columns, console=console, transient=True, expand=True)
         self._task = self._bar.add_task("", total=self._stop, speed="", left="")
         self._bar.start()
-
-
-def format_duration(seconds: float) -> str:
-    """A duration in the two largest units that matter, such as `2 min 5 s`."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
 def print_errors(error: CosimError, file: IO[str] | None = None) -> None:
@@ -285,12 +221,6 @@ def _excerpt(position: Position, style: str) -> list[tuple[str, str]]:
     return parts
 
 
-def _format_event(event: Mapping[str, Any]) -> str:
-    who = "–".join(str(member) for member in event["pair"]) if "pair" in event else str(event["member"])
-    when = event["time"]
-    return f"{who} at {when:.3g} s" if 0 < when < 0.1 else f"{who} at {when:.2f} s"
-
-
 def _lines(text: str) -> str:
     """A list on several lines, broken between its elements."""
     if not text.startswith("["):
@@ -301,10 +231,6 @@ def _lines(text: str) -> str:
             lines.append("")
         lines[-1] += part
     return "\n".join(line.rstrip() for line in lines)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
 
 
 def _console(file: IO[str]) -> Console:

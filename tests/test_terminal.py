@@ -10,12 +10,10 @@ import pytest
 
 from cosim import terminal
 from cosim.errors import DiagramErrors, MissingFile, Position, RuleViolation, UnknownParameter, WrongType
+from cosim.formatting import format_change, format_duration, format_value
 from cosim.terminal import (
     TIED,
     Progress,
-    format_change,
-    format_duration,
-    format_value,
     metrics_table,
     print_errors,
     print_rows,

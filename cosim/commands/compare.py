@@ -11,10 +11,11 @@ from typing import Any
 from cosim import comparison
 from cosim.comparison import Comparison
 from cosim.exits import DIFFERENT, DONE
+from cosim.formatting import format_change, format_value
 from cosim.metrics import for_json
 from cosim.study import display
 from cosim.study.tables import Table
-from cosim.terminal import format_change, format_value, say
+from cosim.terminal import say
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from cosim.formatting import format_value
 from cosim.study.dataset import scalar
 from cosim.study.member import Row
 from cosim.study.model import Column, Question, Study
 from cosim.study.running import FAILED
 from cosim.study.tables import cell, heading, satisfies, with_statistic
-from cosim.terminal import format_value
 
 AGREES = 0.1
 """Relative difference up to which two figures are called the same."""

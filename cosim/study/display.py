@@ -7,8 +7,9 @@ import sys
 import time
 from typing import IO, Any
 
+from cosim.formatting import format_duration
 from cosim.study.tables import Table
-from cosim.terminal import CONTROLS, PATIENCE, format_duration, print_table
+from cosim.terminal import CONTROLS, PATIENCE, print_table
 
 
 def show(table: Table, file: IO[str] | None = None) -> None:
