@@ -94,8 +94,7 @@ def test_a_second_signal_ends_a_block_that_does_not_return(run):
         .replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck}")
     )
     process, output = run("--engine", "python", "--json", text=text.replace("oscillator.x", "stuck.x"))
-    while "stuck" not in process.stderr.readline():
-        pass
+    assert any("stuck" in line for line in iter(process.stderr.readline, "")), "it ended before it was stuck"
     process.send_signal(signal.SIGTERM)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.3)
@@ -109,8 +108,7 @@ def test_a_second_signal_ends_a_block_that_does_not_return(run):
 def test_one_signal_ends_a_block_that_does_not_return_after_a_while(run):
     text = LONG.replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck}").replace("oscillator.x", "stuck.x")
     process, output = run("--engine", "python", "--json", text=text)
-    while "stuck" not in process.stderr.readline():
-        pass
+    assert any("stuck" in line for line in iter(process.stderr.readline, "")), "it ended before it was stuck"
     process.send_signal(signal.SIGTERM)
     out, _ = process.communicate(timeout=60)
     assert process.returncode == 143 and json.loads(out)["status"] == "interrupted"
