@@ -58,8 +58,8 @@ def names_robots(hears: NDArray) -> tuple[bool, str]:
 
 
 def strongly_connected(hears: NDArray) -> tuple[bool, str]:
-    """Whether every robot reaches every other one along the edges of G1."""
-    heard = [[j - 1 for j in row if j != 0] for row in hears.tolist()]
+    """Whether every robot reaches every other one along the edges of G1; `names_robots` tells of those to nobody."""
+    heard = [[j - 1 for j in row if 1 <= j <= len(hears)] for row in hears.tolist()]
     hearers: list[list[int]] = [[] for _ in heard]
     for i, others in enumerate(heard):
         for j in others:

@@ -436,9 +436,6 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
 
 
 #: Whether mistakes wait in the declarations until a file has been read to its end.
-_waiting: ContextVar[bool] = ContextVar("waiting", default=False)
-
-
 def is_scalar(variable: Variable, function: Function, argument: str) -> bool:
     """Whether an argument comes as a number: a scalar that the function only reads."""
     return variable.shape == () and argument not in function.writes
@@ -449,6 +446,9 @@ def variable_of(declaration: Declaration, argument: str) -> Variable:
     if argument in declaration.variables:
         return declaration.variables[argument]
     return declaration.variables[argument.partition("_")[2]]
+
+
+_waiting: ContextVar[bool] = ContextVar("waiting", default=False)
 
 
 @contextmanager

@@ -57,10 +57,9 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
         for source in sources:
             flags.noalias, flags.boundscheck = source.disjoint, source.checked
-            meaning = arithmetic.wrapping() if source.checked else nullcontext()
             try:
                 adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
-                with meaning:
+                with arithmetic.wrapping() if source.checked else nullcontext():
                     result = compile_extra(
                         target.typing_context,
                         target.target_context,

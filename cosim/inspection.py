@@ -70,12 +70,12 @@ def _slave_row(network: Network, slave: Slave) -> list[str]:
 
 def _dealt(network: Network, slave: Slave, port: str) -> str:
     """A word where the members of a fleet get one element each of something else than that fleet's own signal."""
-    axes = [axis for source in slave.wires[port] for axis in network.axes(source)[:1]]
-    ranks = {len(network.axes(source)) for source in slave.wires[port]}
-    dealt = slave.fleet and max(ranks) > len(slave.declaration.variables[port].shape)
-    if not dealt or any(axis.fleet == slave.fleet for axis in axes):
+    axes = [network.axes(source) for source in slave.wires[port]]
+    dealt = slave.fleet and max(map(len, axes)) > len(slave.declaration.variables[port].shape)
+    fleets = dict.fromkeys(own[0].fleet for own in axes if own)
+    if not dealt or slave.fleet in fleets:
         return ""
-    others = dict.fromkeys(f"of the fleet {axis.fleet}" for axis in axes if axis.fleet)
+    others = [f"of the fleet {fleet}" for fleet in fleets if fleet]
     return f" (one{TIED}each{''.join(f' {other}' for other in others)})"
 
 

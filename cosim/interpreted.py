@@ -135,6 +135,16 @@ for _name in ("and", "or", "xor"):
         setattr(Integer, f"__{_prefix}{_name}__", lambda self, other, bits=_bits: Integer(bits(int(self), int(other))))
 
 
+class Truth(Integer):
+    """A truth value, which counts as 0 or 1: what `bool` is to interpreted functions."""
+
+    def __new__(cls, value: Any = False) -> Truth:
+        return _TRUTHS[1 if value else 0]
+
+
+_TRUTHS = tuple(int.__new__(Truth, value) for value in range(2))
+
+
 def _places(value: Any) -> int:
     if not 0 <= value < 64:
         raise ValueError("a shift by less than 0 or more than 63 places")
@@ -158,8 +168,8 @@ def power(base: np.float64, exponent: int) -> np.float64:
 
 
 def truth(value: Any) -> Any:
-    """A truth value as the integer that kernels count with; anything else that a comparison gives as it is."""
-    return _SMALL[1 if value else 0] if isinstance(value, (bool, np.bool_)) else value
+    """A truth value that counts as in kernels; anything else that a comparison gives as it is."""
+    return Truth(value) if isinstance(value, (bool, np.bool_)) else value
 
 
 def number(value: Any) -> Any:
@@ -277,6 +287,13 @@ def _enumerate(values: Any, start: Any = 0) -> Iterable[tuple[Integer, Any]]:
     return ((_checked(k), value) for k, value in enumerate(values, start))
 
 
+def _isinstance(value: Any, kinds: Any) -> Any:
+    """As compiled, where a truth value is no integer."""
+    if isinstance(value, Truth):
+        return Truth(Truth in (kinds if isinstance(kinds, tuple) else (kinds,)))
+    return Truth(isinstance(value, kinds))
+
+
 def _judged(predicate: Callable[..., Any]) -> Callable[..., Any]:
     return lambda *values: truth(predicate(*values))
 
@@ -286,8 +303,8 @@ _BUILTINS = {
     "int": Integer,
     "round": _to_integer(round),
     "float": np.float64,
-    "bool": _judged(bool),
-    "isinstance": _judged(isinstance),
+    "bool": Truth,
+    "isinstance": _isinstance,
     "enumerate": _enumerate,
     "len": lambda value: _checked(len(value)),
 }

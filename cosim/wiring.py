@@ -299,12 +299,13 @@ class _Wiring:
         for variable in (*slave.declaration.of(Parameter), *slave.declaration.startable()):
             value = self.values.get((slave.name, variable.name))
             if value is not None:
-                array = self.problems.attempt(self._array, slave, variable, value)
+                array = self.problems.attempt(self._numbers, slave, variable, value)
                 if array is not None:
                     self._check_start(slave, variable, value, array)
                     slave.values[variable.name] = array
 
-    def _array(self, slave: Slave, variable: Variable, value: Value) -> np.ndarray:
+    def _numbers(self, slave: Slave, variable: Variable, value: Value) -> np.ndarray:
+        """The array of a value; what is wrong with a default says whose it is. Raises: ExpressionError, WrongValue."""
         try:
             return _array(slave, variable, value, self.diagram.fleets)
         except CosimError as error:

@@ -45,6 +45,8 @@ math.isinf(a / b) + 0; min(n8) - max(n8); -max(n8); -min(n8); abs(min(n8)); min(
 BYTE * i; (a > b) + (a >= b); (a > b) - (a < b); -(a > b); +(a > b); (not a) + (not b); (0.0 < a < b) + (p == q)
 n8.size - 2; n8.shape[0] - 2; n8.ndim - 2; ranks(a, b); 2**63 - 1 + (i > j); (i > j) - 2**63; p + p + q; (p + q) ** 5
 math.isnan(a) + math.isinf(b) + math.isfinite(a); np.isnan(a) + np.isfinite(b); bool(a) + bool(b) + bool(i)
+isinstance(p, bool) + 2 * isinstance(p, int); isinstance(i, (float, int)) + 2 * isinstance(i, bool)
+isinstance(a > b, (int, bool)) + 2 * isinstance(a, float) + 4 * isinstance(p + q, bool)
 (i in (1, 2)) + (i in (1, 3)); (i > j) * i; i * i + (i > j); sorted_by(a, b, i)
 """.replace("\n", ";").split(";")
 REAL, INTEGER = ([e.strip() for e in expressions if e.strip()] for expressions in (REAL, INTEGER))

@@ -113,7 +113,6 @@ def check(path, trajectories, drawn):
 @given(drawn=diagrams())
 @settings(
     max_examples=100,
-    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.filter_too_much],
 )
 def test_any_diagram_does_what_the_methods_definition_says(tmp_path, trajectories, part, drawn):

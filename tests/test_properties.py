@@ -11,7 +11,7 @@ from cosim import cli, order, run
 from cosim.errors import AlgebraicLoop, CosimError, DiagramErrors
 from tests.conftest import BLOCKS
 
-SLOW = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]}
+SLOW = {"suppress_health_check": [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]}
 NUMBERS = st.floats(-2, 2, allow_nan=False).map(lambda x: round(x, 3))
 
 

@@ -118,7 +118,7 @@ def test_extremes_of_600_robots(graph, pinned):
 
 
 @given(st.integers(2, 30), st.integers(0, 10_000), st.sampled_from(GRAPHS), st.sampled_from(PINNED))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_sparse_linear_algebra_agrees_where_dense_would_do(robots, seed, graph, pinned):
     rng = np.random.default_rng(seed)
     hears, b = lists(robots, graph(robots, rng)), pinned(robots, rng)

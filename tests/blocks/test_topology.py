@@ -126,6 +126,22 @@ def test_rings_are_strongly_connected(hears):
     assert names_robots(hears)[0]
 
 
+@pytest.mark.parametrize("stranger", [-1, 4, 99])
+def test_a_robot_that_is_not_there_connects_nobody(stranger):
+    """Each rule judges by itself: what the other one says of a misspelt number keeps none from its verdict."""
+    assert strongly_connected(np.array([[stranger, 2], [3, 0], [1, 0]], np.int32))[0]
+    holds, numbers = strongly_connected(np.array([[stranger], [1], [2]], np.int32))
+    assert (holds, numbers) == (False, "3 strongly connected parts: {1}, {2}, {3}")
+    assert not names_robots(np.array([[stranger], [1], [2]], np.int32))[0]
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_both_directions_count(direction):
+    """A tree that hears its root reaches all of it one way only."""
+    hears = np.array([[0], [1], [1]] if direction == 1 else [[2], [3], [0]], np.int32)
+    assert strongly_connected(hears) == (False, "3 strongly connected parts: {1}, {2}, {3}")
+
+
 def test_broken_graphs_are_named():
     holds, numbers = strongly_connected(np.zeros((8, 1), np.int32))
     assert (holds, numbers) == (False, "8 strongly connected parts: {1}, {2}, {3}, {4}, {5}, {6}, …")

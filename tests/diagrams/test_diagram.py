@@ -225,7 +225,7 @@ def _tokens(text):
     return re.findall(r"\w+|\s+|[^\w\s]", text)
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from([BASE, INNER, OUTER]).flatmap(mutations))
 def test_any_mutation_loads_or_raises_a_typed_error(nested, text):
     Path("mutant.yaml").write_text(text, encoding="utf-8")
@@ -239,7 +239,7 @@ def test_any_mutation_loads_or_raises_a_typed_error(nested, text):
         assert same(diagram, copy)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.text("abcdefghilmnoprstuvk.=0123[]{}:,~ ", max_size=12),
     st.sampled_from(["", "blocks.level.", "run.", "blocks."]),

@@ -55,7 +55,7 @@ def test_cut_anywhere_the_whole_rows_remain_and_what_is_added_is_kept(tmp_path):
         assert list(found.values()) == ROWS
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.data())
 def test_garbled_bytes_lose_a_row_and_never_change_one(tmp_path_factory, data):
     folder = tmp_path_factory.getbasetemp() / "garbled"
