@@ -42,6 +42,7 @@ math.floor(c); math.ceil(c); math.trunc(c); int(c); round(c); i ** 2; i ** 3; (-
 divmod(i, j & 62 | 3)[0]; divmod(i, j & 62 | 3)[1]; i + p; i > a; i == a; 2**53 + i; BIG * i; len((a, b)); int(u8) - 5
 i8 % 3; (i < j) == p; a < i; a == b; a != a; i8 // -2; i8 >> 1; bool(a) + 1; bool(i) + 1; math.isnan(a) + 0
 math.isinf(a / b) + 0; min(n8) - max(n8); -max(n8); -min(n8); abs(min(n8)); min(TABLE) - max(TABLE); -BYTE; BYTE + BYTE
+-n8.item(); n8.item() * 300
 BYTE * i; (a > b) + (a >= b); (a > b) - (a < b); -(a > b); +(a > b); (not a) + (not b); (0.0 < a < b) + (p == q)
 n8.size - 2; n8.shape[0] - 2; n8.ndim - 2; ranks(a, b); 2**63 - 1 + (i > j); (i > j) - 2**63; p + p + q; (p + q) ** 5
 math.isnan(a) + math.isinf(b) + math.isfinite(a); np.isnan(a) + np.isfinite(b); bool(a) + bool(b) + bool(i)

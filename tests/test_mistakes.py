@@ -272,6 +272,8 @@ def test_a_path_that_begins_with_a_block_is_told_where_blocks_stand(write, capsy
     code, text = check(write(GOOD), capsys, "--set", "lag.T=2")
     assert code == 2 and "the diagram` has no `lag`" in text
     assert "fix: write blocks.lag.parameters.T, or .start. for a state" in text
+    code, text = check(write(GOOD), capsys, "--set", "lag=2")
+    assert code == 2 and "the diagram` has no `lag`" in text and "write blocks" not in text
 
 
 def test_one_port_cannot_have_two_drivers(write, capsys):

@@ -53,6 +53,13 @@ def test_all_that_stays_empty_is_told_at_once_and_only_warned_of_where_the_comma
     assert [w.position.line for w in outcome.warnings] == [7, 5]
 
 
+def test_a_recording_of_both_ends_is_one(wired):
+    """A period that is as long as the run is not longer than it."""
+    assert wired(TIMER.replace("period: 0.1", "period: 3")).diagram.record.period == 3
+    (error,) = mistakes(wired, TIMER.replace("period: 0.1", "period: 3.01"))
+    assert "`record.period` of 3.01 s is longer than the run" in error.message
+
+
 def test_what_the_end_of_the_run_cuts_off_is_warned_of(wired):
     """A figure named `max, 2-60 s` of a run of 3 s would say more than it knows."""
 

@@ -250,3 +250,35 @@ def test_a_resolved_swap_loads_again_before_it_is_wired(formation, tmp_path):
     loaded = diagram.load(formation, settings, ["observer=FiniteTimeObserver"])
     (tmp_path / "a.yaml").write_text(loaded.resolved())
     assert run.load(tmp_path / "a.yaml").slaves["observer"].declaration.name == "FiniteTimeObserver"
+
+
+RENAMED = """
+from cosim import Block, Output, Parameter
+
+class Old(Block):
+    length = Parameter(default=1.0, unit="m")
+    y = Output()
+    def outputs(length, y):
+        y[0] = length
+
+class New(Block):
+    length_s = Parameter(default=1.0, unit="s")
+    span = Parameter(default=1.0, unit="m")
+    y = Output()
+    def outputs(length_s, span, y):
+        y[0] = length_s * span
+"""
+
+
+@pytest.mark.parametrize(("before", "offered"), [("Old", "span"), ("Gone", "length_s")])
+def test_an_offer_goes_by_the_unit_where_it_is_known_and_else_by_the_name(tmp_path, before, offered):
+    """A length in m is no `length_s` in s; of a type that is not there any more the name is all that is known."""
+    (tmp_path / "own.py").write_text(RENAMED)
+    base = f"run: {{stop: 1, step: 1}}\nblocks:\n  b: {{python: own.py:{before}, parameters: {{length: 2}}}}\n"
+    (tmp_path / "base.yaml").write_text(base)
+    (tmp_path / "over.yaml").write_text("extends: base.yaml\nblocks:\n  b: {python: own.py:New}\n")
+    with pytest.raises(DiagramErrors) as caught:
+        run.load(tmp_path / "over.yaml")
+    (error,) = caught.value.errors
+    assert "New does not take what the diagram gives" in error.message
+    assert f"parameters: {{{offered}: 2}}" in error.fix and "drop: [length]" in error.fix
