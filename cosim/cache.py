@@ -42,6 +42,7 @@ COMPILING = (
     "installed",
     "intrinsics",
     "memory",
+    "mixed_numbers",
     "naming",
     "native",
     "shared_operations",

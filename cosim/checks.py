@@ -23,6 +23,7 @@ from numba.core.ir_utils import get_definition, guard
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering, NopythonTypeInference
 
+from cosim import mixed_numbers
 from cosim.arithmetic import Arithmetic, Widening
 
 #: What a function of ours returns when it has left a fault. Functions of numba's library return USEREXC.
@@ -155,6 +156,13 @@ class Context(cpu.CPUContext):
 
 class Lowering(Arithmetic, Lower):
     """Notes each statement's place, and refuses or checks what numba indexes without a check."""
+
+    def pre_lower(self) -> None:
+        """As of numba."""
+        super().pre_lower()
+        if not self.func_ir.loc.filename.startswith("<"):
+            returned = mixed_numbers.refuse(self.func_ir, self.typeof, self.fndesc.calltypes)
+            self.metadata[mixed_numbers.RETURNED] = returned
 
     def lower_inst(self, inst: Any) -> None:
         indexed = _indexed(inst)

@@ -32,6 +32,16 @@ _MEANINGS = (
         "write 1.0 if a > b else 0.0",
     ),
     (
+        r"an integer or a real number: `(?P<a>\w+)`",
+        "uses `{a}`, which is an integer on one path and a real number on another",
+        "make it real on both, with float(…), or 0.0 for 0",
+    ),
+    (
+        r"an integer or a real number: ``",
+        "uses a number that is an integer on one path and a real number on another",
+        "make it real on both, with float(…), or 0.0 for 0",
+    ),
+    (
         r"`~` of a truth value",
         "inverts a truth value with `~`, which makes -1 or -2 of it in Python",
         "write `not`",

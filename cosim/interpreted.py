@@ -287,11 +287,14 @@ def _enumerate(values: Any, start: Any = 0) -> Iterable[tuple[Integer, Any]]:
     return ((_checked(k), value) for k, value in enumerate(values, start))
 
 
-def _isinstance(value: Any, kinds: Any) -> Any:
-    """As compiled, where a truth value is no integer."""
-    if isinstance(value, Truth):
-        return Truth(Truth in (kinds if isinstance(kinds, tuple) else (kinds,)))
-    return Truth(isinstance(value, kinds))
+def _extreme(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Of `min` and `max`, which are real where one of the numbers is."""
+
+    def compute(*values: Any) -> Any:
+        found = function(*values)
+        return np.float64(found) if any(isinstance(v, float) for v in values) else found
+
+    return compute
 
 
 def _judged(predicate: Callable[..., Any]) -> Callable[..., Any]:
@@ -304,8 +307,9 @@ _BUILTINS = {
     "round": _to_integer(round),
     "float": np.float64,
     "bool": Truth,
-    "isinstance": _isinstance,
     "enumerate": _enumerate,
+    "min": _extreme(min),
+    "max": _extreme(max),
     "len": lambda value: _checked(len(value)),
 }
 _MATH: dict[str, Any] = {name: _of_libm(name, 1) for name in _ONE}

@@ -19,7 +19,7 @@ import numpy as np
 from cosim.author_source import Text, function_text
 from cosim.dataflow import resolve, scope_of
 
-_BUILTINS = "abs min max range len int float bool round enumerate zip divmod isinstance tuple slice"
+_BUILTINS = "abs min max range len int float bool round enumerate zip divmod tuple slice"
 SHARED_BUILTINS = frozenset(getattr(builtins, name) for name in _BUILTINS.split())
 _EXACT = "add subtract multiply divide true_divide negative positive absolute fabs minimum maximum square sqrt copysign"
 #: Functions of numpy whose result is exact, also of whole arrays.
