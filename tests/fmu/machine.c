@@ -30,7 +30,7 @@ typedef fmi3Instance Handle;
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 enum { INSTANTIATED = 1, INITIALIZING = 2, RUNNING = 4, EVENT = 8, STOPPED = 16 };
 enum { NONE, F_DISCARD, F_ERROR, F_FATAL, F_NAN, F_EARLY, F_END, F_WARN, F_REFUSE, F_SEGFAULT, F_HANG, F_STUCK,
-       F_ABORT, F_EXIT, F_CLOSE };
+       F_ABORT, F_EXIT, F_CLOSE, F_EARLY_AT_END = -1 };
 enum { IN_EXIT_INITIALIZATION = 100, IN_TERMINATE = 200, IN_FREE = 300 }; /* added to a fault: not in a step, but there */
 enum { U = 1, X, Y, T, FAULT_TIME, H, V, DX, DH, DV, FAULT = 20, BOUNCES, N, M, TICKS, COLOR, ON = 30, OFF, NAME = 40,
        ARRAY = 50, TWICE, SHORT, SHORT_NEXT, BYTE, BYTE_NEXT };
@@ -289,11 +289,13 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3Boolean 
     Machine *m = c; ALLOWED(RUNNING);
     *event = *end = *early = 0;
     if (faulty(m, F_STUCK)) { *early = 1; *last = t; return OK; }
+    int whole = faulty(m, F_EARLY_AT_END);
+    if (whole && !(h > 0)) return say(m, ERROR, "a step of no length");
     int half = faulty(m, F_EARLY) && !m->early_done;
     if (half && !m->early_allowed) return say(m, ERROR, "early return is not allowed");
     m->early_done = half;
     Status s = advance(m, t, half ? h / 2 : h);
-    *early = half; *last = m->time; *end = faulty(m, F_END);
+    *early = half || whole; *last = m->time; *end = faulty(m, F_END);
     if (m->eventful) *event = (m->h <= 0 && m->v < 0) || m->time >= m->next - 1e-9;
     else { tick(m); bounce(m); }
     return s;

@@ -1,6 +1,7 @@
 /* A test FMU for FMI 2.0 and 3.0 (-DFMI=2 or 3) whose counter steps from 1 upwards at each multiple of `period`, and
    ends the simulation at `last`; `held` is the input of the last one. It handles an event at its own time only, and refuses to be integrated beyond it, as
-   the standard lets it. -DSTATES=1 adds a state, dx/dt = counter + u, which each event raises by `jump`. */
+   the standard lets it. -DSTATES=1 adds a state, dx/dt = counter + u, which each event raises by `jump`; -DSTATES=2
+   another, dw/dt = x. */
 
 #include <float.h>
 #include <math.h>
@@ -22,10 +23,10 @@ typedef fmi3ValueReference Reference;
 #endif
 
 enum { OK, WARNING, DISCARD, ERROR };
-enum { U = 1, X, DX, Y, PERIOD, JUMP, COUNTER, LAST, MIDDLE, HELD };
+enum { U = 1, X, DX, Y, PERIOD, JUMP, COUNTER, LAST, MIDDLE, HELD, W, DW };
 
 typedef struct {
-    double time, u, x, next, period, jump, held;
+    double time, u, x, w, next, period, jump, held;
     int counter, last, ended, event_mode;
 } Stair;
 
@@ -45,6 +46,7 @@ static Status advance(Stair *s, double t, double h) {
     const double end = t + h;
     for (;;) {
         const double to = s->next < end + 1e-9 * h ? s->next : end;
+        s->w += (to - s->time) * (s->x + 0.5 * (to - s->time) * (s->counter + s->u));
         s->x += (to - s->time) * (s->counter + s->u);
         s->time = to;
         if (!reached(s)) break;
@@ -56,13 +58,13 @@ static Status advance(Stair *s, double t, double h) {
 }
 
 static Status set_real(Stair *s, Reference r, double value) {
-    double *places[] = {[U] = &s->u, [X] = &s->x, [PERIOD] = &s->period, [JUMP] = &s->jump};
+    double *places[] = {[U] = &s->u, [X] = &s->x, [PERIOD] = &s->period, [JUMP] = &s->jump, [W] = &s->w};
     *places[r] = value;
     return OK;
 }
 static Status get_real(const Stair *s, Reference r, double *value) {
     const double values[] = {[U] = s->u, [X] = s->x, [DX] = s->counter + s->u, [Y] = s->counter + s->u,
-                             [HELD] = s->held};
+                             [HELD] = s->held, [W] = s->w, [DW] = s->x};
     *value = values[r];
     return OK;
 }
@@ -86,10 +88,24 @@ Status F(SetTime)(void *c, double t) {
     s->time = t;
     return OK;
 }
-Status F(SetContinuousStates)(void *c, const double x[], size_t n) { ((Stair *)c)->x = x[0]; return n == STATES ? OK : ERROR; }
-Status F(GetContinuousStates)(void *c, double x[], size_t n) { x[0] = ((Stair *)c)->x; return n == STATES ? OK : ERROR; }
+Status F(SetContinuousStates)(void *c, const double x[], size_t n) {
+    Stair *s = c;
+    s->x = x[0];
+    if (n == 2) s->w = x[1];
+    return n == STATES ? OK : ERROR;
+}
+Status F(GetContinuousStates)(void *c, double x[], size_t n) {
+    Stair *s = c;
+    x[0] = s->x;
+    if (n == 2) x[1] = s->w;
+    return n == STATES ? OK : ERROR;
+}
 Status F(GetEventIndicators)(void *c, double z[], size_t n) { return n == 0 ? OK : ERROR; }
-static Status derivatives(Stair *s, double d[], size_t n) { d[0] = s->counter + s->u; return n == STATES ? OK : ERROR; }
+static Status derivatives(Stair *s, double d[], size_t n) {
+    d[0] = s->counter + s->u;
+    if (n == 2) d[1] = s->x;
+    return n == STATES ? OK : ERROR;
+}
 
 #define EACH(call) do { Status status = OK; for (size_t i = 0; i < n && status == OK; i++) status = call; return status; } while (0)
 #if FMI == 2

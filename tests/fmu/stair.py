@@ -19,14 +19,16 @@ COUNTER = (
     V("counter", 7, "Int32", "output", None, "discrete", "calculated"),
     V("held", 10, "Float64", "output", None, "discrete", "calculated"),
 )
-STATE = (
+STATES = (
     V("x", 2, "Float64", "output", "0", initial="exact"),
     V("der(x)", 3, "Float64", "local", derivative="x", initial="calculated", depends=("u",)),
+    V("w", 11, "Float64", "output", "0", initial="exact"),
+    V("der(w)", 12, "Float64", "local", derivative="w", initial="calculated", depends=("x",)),
 )
 
 
 def build(folder: Path, version: int, states: int) -> Path:
-    """The FMU with `states` (0 or 1) continuous states."""
-    variables = COUNTER + PARAMETERS + (STATE if states else ())
-    model = Model("stair", variables, ("der(x)",) if states else ())
+    """The FMU with `states` (0 to 2) continuous states."""
+    variables = COUNTER + PARAMETERS + STATES[: 2 * states]
+    model = Model("stair", variables, ("der(x)", "der(w)")[:states])
     return machine.pack(folder, version, model, SOURCE, options=(f"-DSTATES={states}",))

@@ -13,6 +13,7 @@ from cosim.errors import SlaveFailed, TooManyInstances, WrongValue
 from cosim.run import Run
 
 DISCARD, ERROR, FATAL, NAN, EARLY, END, WARN, REFUSE = 1, 2, 3, 4, 5, 6, 7, 8
+EARLY_AT_END = -1
 STUCK = 11
 CS = [("2", "co-simulation"), ("3", "co-simulation"), ("3e", "co-simulation")]
 ME = [("2", "model-exchange"), ("3", "model-exchange")]
@@ -122,6 +123,19 @@ def test_a_step_that_returns_early_is_continued_to_its_end(machines, partners, t
     assert got["still.x"] == pytest.approx((1 - 0.01) ** steps, rel=1e-12)
 
 
+def test_an_early_return_at_the_very_end_of_a_step_is_its_end(machines, partners, trajectories):
+    """Asked for a rest of no length, the FMU would refuse."""
+    network = run.load(
+        partners(f"""
+        run: {{stop: 1, step: 0.01}}
+        blocks:
+          plant: {{fmu: {machines["3e"]}, start: {{x: 1, u: 0}}, parameters: {{fault: {EARLY_AT_END}}}}}
+        """)
+    )
+    got = trajectories(network, "plant.x")
+    assert got["plant.x"] == pytest.approx((1 - 0.01) ** np.arange(101), rel=1e-12)
+
+
 SINGLE = """
 run: {{stop: 1, step: 0.01}}
 fleets: {{robot: 2}}
@@ -149,6 +163,23 @@ def test_one_instance_a_process_is_honoured_by_blocks(singles, partners):
     outcome = Run(run.load(partners(text))).execute()
     assert isinstance(outcome.error, TooManyInstances)
     assert Run(run.load(partners(text), ["blocks.other.isolate=true"])).execute().status == "completed"
+
+
+def test_instances_are_counted_while_they_live(singles, partners, monkeypatch):
+    """Without processes of their own, one run may have the only instance; who asks in vain changes nothing."""
+    monkeypatch.setattr(supervision, "AVAILABLE", False)
+    network = run.load(partners(SINGLE.format(fmu=singles, more="start: {x: 1}")))
+    first, second, third = Run(network), Run(network), Run(network)
+    first.simulation.initialize()
+    for _ in range(2):
+        assert isinstance(Run(network).execute().error, TooManyInstances)
+    first.simulation.close()
+    first.simulation.close()
+    second.simulation.initialize()
+    first.simulation.close()
+    assert isinstance(Run(network).execute().error, TooManyInstances)
+    second.simulation.close()
+    assert third.execute().status == "completed"
 
 
 @pytest.mark.skipif(not supervision.AVAILABLE, reason="needs fork")
