@@ -65,13 +65,17 @@ class Column:
 
     signal: Signal
     words: slice
+    stored: tuple[int, ...]
     shape: tuple[int, ...]
     dtype: np.dtype
 
     def of(self, rows: np.ndarray) -> np.ndarray:
-        """The signal's values (k, *shape) in the rows (k, words), as a view."""
-        size = math.prod(self.shape)
-        return rows[:, self.words].view(self.dtype)[:, :size].reshape(len(rows), *self.shape)
+        """The signal's values (k, *shape) in the rows (k, words), as a view; all have what is stored once."""
+        size = math.prod(self.stored)
+        found = rows[:, self.words].view(self.dtype)[:, :size].reshape(len(rows), *self.stored)
+        if self.stored == self.shape:
+            return found
+        return np.broadcast_to(found[:, None], (len(rows), *self.shape))
 
 
 @dataclass
@@ -200,10 +204,11 @@ class Simulation:
             begin, words = len(probes), 1
             self._columns.append([])
             for signal in group.signals:
-                now = table.signal(signal, self.arena)
-                size = -(-now.nbytes // 8)
+                stored = table.stored(signal, self.arena)
+                size = -(-stored.nbytes // 8)
                 probes.append([table.places[signal].offset, size])
-                self._columns[-1].append(Column(signal, slice(words, words + size), now.shape, now.dtype))
+                place, shape = slice(words, words + size), table.network.shape(signal)
+                self._columns[-1].append(Column(signal, place, stored.shape, shape, stored.dtype))
                 words += size
             capacity = max(1, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 1))
             buffer = self._words(capacity, words)

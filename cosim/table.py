@@ -83,8 +83,18 @@ class Table:
 
     def signal(self, signal: Signal, arena: np.ndarray) -> np.ndarray:
         """A signal over all instances, as a view into an arena."""
+        stored = self.stored(signal, arena)
+        return np.broadcast_to(stored, self.network.shape(signal)) if self.is_shared(signal) else stored
+
+    def stored(self, signal: Signal, arena: np.ndarray) -> np.ndarray:
+        """A signal as it lies in an arena, as a view: that of all instances, or the one that all share."""
         place = self.places[signal]
-        return np.ndarray(self.network.shape(signal), place.dtype, arena.data, place.offset)
+        shape = place.shape if self.is_shared(signal) else self.network.shape(signal)
+        return np.ndarray(shape, place.dtype, arena.data, place.offset)
+
+    def is_shared(self, signal: Signal) -> bool:
+        """Whether several instances have one and the same value in memory."""
+        return self.places[signal].stride == 0 and self.network.slaves[signal.slave].count > 1
 
     def owner(self, offset: int) -> tuple[Signal, int, int]:
         """Whose value lies at an offset, of which instance, and which element of it (both from 0)."""

@@ -202,6 +202,23 @@ def test_a_diverged_state_is_named_with_the_time(wired):
     assert np.isfinite(one.value(Signal("fine", "x"))).all()
 
 
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_value_that_a_fleet_shares_is_recorded_for_each_member(wired, trajectories, engine):
+    """One number, or one array, in memory; and what follows it there is another's."""
+    text = """
+    run: {stop: 1, step: 0.5}
+    fleets: {robot: 3}
+    blocks:
+      source: {type: Sine, per: robot, parameters: {f: 2}}
+      last: {type: Sine, per: robot, parameters: {f: 5}}
+    """
+    network = wired(text)
+    got = trajectories(network, "source.f", "last.f", engine=engine)
+    assert got["source.f"].tolist() == [[2.0] * 3] * 3 and got["last.f"].tolist() == [[5.0] * 3] * 3
+    one = Simulation(table.build(network, "jacobi"), None)
+    assert one.value(network.find("source.f", None)).tolist() == [2.0] * 3
+
+
 def test_runs_of_one_table_do_not_share_memory(wired):
     built = table.build(wired("run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator}\n"), "jacobi")
     kernels = simulation.compile_table(built)
