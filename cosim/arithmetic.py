@@ -226,11 +226,15 @@ class Arithmetic:
             raise errors.UnsupportedError("range() of a real number: make it whole with int() first", inst.loc)
         if function is round and len(call.args) > 1:
             raise errors.UnsupportedError(f"round() to digits: {_LOOP}", inst.loc)
-        rounding = function in (int, round, math.floor, math.ceil, math.trunc) and len(call.args) == 1
-        if rounding and isinstance(self.typeof(call.args[0].name), types.Float):
+        whole_class = isinstance(kind, types.NumberClass) and kind.instance_type == types.int64
+        rounding = whole_class or function in (int, round, math.floor, math.ceil, math.trunc)
+        if rounding and len(call.args) == 1 and isinstance(self.typeof(call.args[0].name), types.Float):
             self._check_integer(self.loadvar(call.args[0].name))
-        if function is round and self._whole(call.args[0]):
-            raise errors.UnsupportedError("round() of an integer", inst.loc)  # which numba makes a real number first
+        if function in (round, math.floor, math.ceil, math.trunc) and self._whole(call.args[0]):
+            name = function.__name__  # which numba makes a real number first
+            raise errors.UnsupportedError(f"`{name}` of an integer", inst.loc)
+        if isinstance(function, np.ufunc) and call.args and all(map(self._is_truth, call.args)):
+            raise errors.UnsupportedError(f"`{function.__name__}` of truth values", inst.loc)
         if function is divmod and all(map(self._whole, call.args)):
             zero = self.builder.icmp_signed("==", self._word(call.args[1]), WORD(0))
             self._fault(zero, "ZeroDivisionError: integer division or modulo by zero")

@@ -161,8 +161,9 @@ class Lowering(Arithmetic, Lower):
         """As of numba."""
         super().pre_lower()
         if not self.func_ir.loc.filename.startswith("<"):
-            returned = mixed_numbers.refuse(self.func_ir, self.typeof, self.fndesc.calltypes)
-            self.metadata[mixed_numbers.RETURNED] = returned
+            numbers = mixed_numbers.Numbers(self.func_ir, self.fndesc.typemap.__getitem__, self.fndesc.calltypes)
+            numbers.returned()
+            self.metadata[mixed_numbers.NUMBERS] = numbers
 
     def lower_inst(self, inst: Any) -> None:
         indexed = _indexed(inst)

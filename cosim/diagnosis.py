@@ -42,6 +42,16 @@ _MEANINGS = (
         "make it real on both, with float(…), or 0.0 for 0",
     ),
     (
+        r"`(?P<a>floor|ceil|trunc|round)` of an integer",
+        "rounds an integer with {a}(), which compiled code makes a real number of first",
+        "leave {a}() out",
+    ),
+    (
+        r"`(?P<a>\w+)` of truth values",
+        "gives truth values alone to `np.{a}`, which does not count with them",
+        "make them numbers with int(…)",
+    ),
+    (
         r"`~` of a truth value",
         "inverts a truth value with `~`, which makes -1 or -2 of it in Python",
         "write `not`",

@@ -106,9 +106,9 @@ def with_compiled_globals(
     """
     scope = dict(function.__globals__)
     for name in _names(function.__code__):
-        value = scope.get(name)
-        if isinstance(value, np.generic):  # of which numba would keep the width
-            scope[name] = value.item()
+        value = _plain(scope.get(name))
+        if name in scope:
+            scope[name] = value
         value = getattr(value, "py_func", value)  # an author's jitted function is compiled as the others are
         if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
             continue
@@ -128,13 +128,23 @@ def with_compiled_globals(
     return copy
 
 
+def _plain(value: Any) -> Any:
+    """Python's own number for one of numpy's, of which numba would keep the width; also inside a tuple."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if type(value) is tuple:
+        plain = tuple(map(_plain, value))
+        return plain if any(a is not b for a, b in zip(plain, value, strict=True)) else value
+    return value
+
+
 def _widened(cell: Any) -> Any:
     """A cell of a closure, with a number of Python's own for one of numpy's."""
     try:
         value = cell.cell_contents
     except ValueError:  # nothing is in it yet
         return cell
-    return python_types.CellType(value.item()) if isinstance(value, np.generic) else cell
+    return python_types.CellType(_plain(value)) if _plain(value) is not value else cell
 
 
 def _helper(function: Callable[..., Any], disjoint: bool, checked: bool, inside: tuple[Any, ...]) -> Helper:

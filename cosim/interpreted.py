@@ -142,6 +142,14 @@ class Truth(Integer):
         return _TRUTHS[1 if value else 0]
 
 
+class _Int64(np.int64):
+    """What `np.int64` is to interpreted functions: it makes their integers, and is still that data type."""
+
+    def __new__(cls, value: Any = 0) -> Any:
+        """Raises: OverflowError."""
+        return Integer(value)
+
+
 _TRUTHS = tuple(int.__new__(Truth, value) for value in range(2))
 
 
@@ -292,7 +300,8 @@ def _extreme(function: Callable[..., Any]) -> Callable[..., Any]:
 
     def compute(*values: Any) -> Any:
         found = function(*values)
-        return np.float64(found) if any(isinstance(v, float) for v in values) else found
+        numbers = values[0] if len(values) == 1 and isinstance(values[0], tuple) else values
+        return np.float64(found) if any(isinstance(n, float) for n in numbers) else found
 
     return compute
 
@@ -317,7 +326,8 @@ _MATH |= {name: _of_libm(name, 2) for name in _TWO}
 _MATH |= {name: _to_integer(getattr(math, name)) for name in ("floor", "ceil", "trunc")}
 _MATH |= {name: _judged(getattr(math, name)) for name in ("isnan", "isinf", "isfinite")}
 _MATH |= {name: np.float64(getattr(math, name)) for name in ("pi", "e", "tau", "inf", "nan")}
-_STANDING = {getattr(math, name): function for name, function in _MATH.items() if callable(getattr(math, name))}
+_STANDING: dict[Any, Any] = {np.bool_: Truth, np.int64: _Int64}
+_STANDING |= {getattr(math, name): function for name, function in _MATH.items() if callable(getattr(math, name))}
 _STANDING |= {getattr(builtins, name): function for name, function in _BUILTINS.items()}
 
 
@@ -331,6 +341,8 @@ class _Module:
         found = getattr(self._module, name)
         if self._module is math:
             found = _MATH.get(name, found)
+        elif self._module is np and name in _NUMPY_EXTREMES:
+            found = _NUMPY_EXTREMES[name]
         elif self._module is np and isinstance(found, np.ufunc):
             found = _elementwise(found, _MATH.get(_NUMPY.get(name, name)))
         else:
@@ -346,6 +358,24 @@ def _elementwise(ufunc: np.ufunc, scalar: Callable[..., Any] | None) -> Callable
         return number(ufunc(*map(_plain, values), **more))
 
     return compute
+
+
+def _numpy_extreme(compare: np.ufunc) -> Callable[..., Any]:
+    """`np.minimum` and `np.maximum` as kernels have them: of equal numbers the first, whatever sign a zero has."""
+
+    def compute(x: Any, y: Any, *out: Any) -> Any:
+        x, y = _plain(x), _plain(y)
+        found = np.where(compare(x, y) | np.isnan(x), x, y)
+        if out:
+            out[0][...] = found
+            return out[0]
+        return found if found.ndim else number(found[()])
+
+    return compute
+
+
+_NUMPY_EXTREMES = {"minimum": _numpy_extreme(np.less_equal), "maximum": _numpy_extreme(np.greater_equal)}
+_STANDING |= {getattr(np, name): function for name, function in _NUMPY_EXTREMES.items()}
 
 
 def seen(value: Any) -> Any:

@@ -7,9 +7,11 @@ loop that adds real numbers) are fine, anything else is refused with the author'
 
 from __future__ import annotations
 
+import inspect
 import itertools
+import math
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import reduce
 from typing import Any
 
@@ -23,30 +25,38 @@ from cosim.arithmetic import widened
 #: The integers that a number may be for Python; empty where it is certainly real, None where nothing is known.
 Integers = frozenset[int] | None
 REAL: Integers = frozenset()
-RETURNED = "returned integers"
-"""Under which a compiled function's metadata have what `refuse` gave."""
+NUMBERS = "integers or real numbers"
+"""Under which a compiled function's metadata have its `Numbers`."""
 _MANY = 8
 _EXACT = 1 << 53
-_ARITHMETIC = (operator.add, operator.sub, operator.mul, operator.truediv, operator.pow, operator.neg, operator.pos)
+_ARITHMETIC = (operator.add, operator.sub, operator.mul, operator.pow, operator.neg, operator.pos)
+_COMPARISONS = (operator.lt, operator.le, operator.eq, operator.ne, operator.gt, operator.ge, operator.not_)
 _FOLLOWED = {*_ARITHMETIC, abs, min, max}
 _ELEMENTS = ("getitem", "static_getitem", "exhaust_iter", "cast")
 
 
-def refuse(function: Any, typeof: Callable[[str], Any], calls: dict[Any, Any]) -> Integers:
-    """The integers that a function may return for Python where it is compiled to return a real number.
+class Numbers:
+    """A function as compiled for some types. function: in numba's intermediate representation; typeof: of a variable;
+    calls: the signature of each call."""
 
-    function: in numba's intermediate representation; typeof: of a variable; calls: the signature of each call. Raises:
-    UnsupportedError at the line where the two would compute something else.
-    """
-    return _Numbers(function, typeof, calls).follow()
-
-
-class _Numbers:
     def __init__(self, function: Any, typeof: Callable[[str], Any], calls: dict[Any, Any]) -> None:
         self._function, self._typeof, self._calls = function, typeof, calls
         self._found: dict[str, Integers] = {}
+        self._arguments: tuple[Integers, ...] = ()
+        self._returns: dict[tuple[Integers, ...], Integers] = {}
 
-    def follow(self) -> Integers:
+    def returned(self, arguments: tuple[Integers, ...] = ()) -> Integers:
+        """The integers that it may return for Python where it is compiled to return a real number.
+
+        arguments: those that it may be given, where compiled for real numbers. Raises: UnsupportedError at the line
+        where the two would compute something else.
+        """
+        if arguments not in self._returns:
+            self._found, self._arguments = {}, arguments
+            self._returns[arguments] = self._follow()
+        return self._returns[arguments]
+
+    def _follow(self) -> Integers:
         body = [inst for block in self._function.blocks.values() for inst in block.body]
         assignments = [inst for inst in body if isinstance(inst, statements.Assign)]
         changed = True
@@ -65,39 +75,40 @@ class _Numbers:
 
     def _of(self, inst: Any) -> Integers:
         """What is assigned, if the kernel has a real number, or a tuple, in its place."""
-        value, kind = inst.value, self._typeof(inst.target.name)
-        if not isinstance(kind, (types.Float, types.BaseTuple)):
-            return REAL
+        value = inst.value
         if isinstance(value, statements.Var):
-            return self._converted(value, kind, inst)
+            return self._converted(value, inst)
+        if isinstance(value, statements.Arg):
+            return self._arguments[value.index] if value.index < len(self._arguments) else REAL
         if not isinstance(value, statements.Expr):
             return REAL
         if value.op == "cast":
-            return self._converted(value.value, kind, inst)
+            return self._converted(value.value, inst)
         if value.op in _ELEMENTS:
-            return self._operand(value.value) if isinstance(self._typeof(value.value.name), types.BaseTuple) else REAL
+            return self._operand(value.value)
         if value.op == "build_tuple":
-            reals = [v for v in value.items if not self._is_whole(v)]
-            return _union(map(self._operand, reals))
+            return _union(self._operand(v) for v in value.items if not self._is_whole(v))
         if value.op == "unary":
             return self._computed(value.fn, [value.value], inst)
         if value.op in ("binop", "static_binop", "inplace_binop"):
             function = value.immutable_fn if value.op == "inplace_binop" else value.fn
             return self._computed(function, [value.lhs, value.rhs], inst)
-        return self._called(value, inst) if value.op == "call" else REAL
+        if value.op == "call":
+            return self._called(value, inst)
+        self._refuse_any(value.list_vars(), inst)
+        return REAL
 
-    def _converted(self, source: Any, kind: Any, inst: Any) -> Integers:
+    def _converted(self, source: Any, inst: Any) -> Integers:
         """Of a variable that becomes one of another type, or another name."""
-        given = self._typeof(source.name)
-        if isinstance(given, types.BaseTuple):
-            for one, needed in zip(getattr(given, "types", ()), getattr(kind, "types", ()), strict=False):
-                if isinstance(needed, types.Float) and not isinstance(one, types.Float):
-                    self._refuse(source, inst)
-            return self._operand(source)
         found = self._operand(source)
-        if found is None:
+        given, kind = self._typeof(source.name), self._typeof(inst.target.name)
+        if isinstance(kind, types.BaseTuple):
+            if _becomes_real(given, kind):
+                self._refuse(source, inst)
+            return found
+        if isinstance(kind, types.Float) and found is None:
             self._refuse(source, inst)
-        return found
+        return found if isinstance(kind, types.Float) else REAL
 
     def _operand(self, operand: Any) -> Integers:
         if not isinstance(operand, statements.Var):
@@ -108,7 +119,7 @@ class _Numbers:
         constant = guard(get_definition, self._function, operand)
         is_constant = isinstance(constant, (statements.Const, statements.Global, statements.FreeVar))
         value = getattr(kind, "literal_value", constant.value if is_constant else None)
-        if isinstance(value, (int, np.integer, np.bool_)) and abs(int(value)) <= _EXACT:
+        if isinstance(value, (int, np.integer, np.bool_)) and abs(int(value)) < _EXACT:
             return frozenset([int(value)])
         return None
 
@@ -117,54 +128,101 @@ class _Numbers:
             return isinstance(operand, int)
         return isinstance(self._typeof(operand.name), (types.Integer, types.Boolean))
 
+    def _is_tuple(self, operand: Any) -> bool:
+        return isinstance(operand, statements.Var) and isinstance(self._typeof(operand.name), types.BaseTuple)
+
     def _called(self, call: Any, inst: Any) -> Integers:
         kind = self._typeof(call.func.name)
-        if isinstance(kind, types.Dispatcher):
-            compiled = kind.dispatcher.overloads.get(tuple(self._calls[call].args))
-            return compiled.metadata.get(RETURNED, REAL) if compiled else REAL
         function = getattr(kind, "typing_key", None)
+        if isinstance(kind, types.NumberClass):
+            return REAL
+        if isinstance(kind, types.Dispatcher):
+            return self._returned(call)
         if function is widened:
             return self._operand(call.args[0])
-        if function in (min, max, abs) or isinstance(function, np.ufunc):
+        if function in (min, max) and len(call.args) > 1:
             return self._computed(function, call.args, inst)
-        if function is divmod:
-            self._computed(operator.floordiv, call.args, inst)
+        if function is abs or isinstance(function, np.ufunc):
+            return self._computed(function, call.args, inst)
+        if not _is_real_anyway(function):
+            self._refuse_any(call.args, inst)
         return REAL
+
+    def _returned(self, call: Any) -> Integers:
+        """What a helper returns for these arguments."""
+        dispatcher = self._typeof(call.func.name).dispatcher
+        compiled = dispatcher.overloads.get(tuple(self._calls[call].args))
+        if compiled is None or NUMBERS not in compiled.metadata:
+            return REAL
+        named = dict(call.kws)
+        names = inspect.signature(dispatcher.py_func).parameters
+        given = [call.args[k] if k < len(call.args) else named.get(name) for k, name in enumerate(names)]
+        mixed = tuple(REAL if v is None or self._is_whole(v) else self._operand(v) for v in given)
+        found: Integers = compiled.metadata[NUMBERS].returned(mixed if any(i != REAL for i in mixed) else ())
+        return found
 
     def _computed(self, function: Any, operands: Any, inst: Any) -> Integers:
         """Of an operation that is one of integers for Python if all operands are."""
+        if function in _COMPARISONS or _is_always_real(function):
+            return REAL
         integers = [self._operand(v) for v in operands]
         mixed = [v for v in operands if not self._is_whole(v)]
+        if any(map(self._is_tuple, mixed)):
+            return _union(integers)
         if function is operator.pow and operands[1] in mixed and integers[1] != REAL:
             self._refuse(operands[1], inst)
         if not mixed or REAL in integers:
             return REAL
-        if None in integers or not (function in _FOLLOWED or isinstance(function, np.ufunc)):
+        known = [i for i in integers if i is not None]
+        followed = function in _FOLLOWED or isinstance(function, np.ufunc)
+        if len(known) < len(integers) or not followed or math.prod(map(len, known)) > _MANY**2:
             self._refuse(mixed[0], inst)
-        found = set()
-        for numbers in itertools.product(*map(_known, integers)):
-            if function is operator.pow and not 0 <= numbers[1] < _EXACT.bit_length():
-                self._refuse(mixed[0], inst)
-            exact = function(*numbers)
-            if isinstance(exact, (float, np.floating)):
-                continue
-            if abs(int(exact)) > _EXACT or not _same_bits(exact, function(*map(float, numbers))):
-                self._refuse(mixed[0], inst)
-            found.add(int(exact))
-        return frozenset(found)
+        found = {_exactly(function, numbers) for numbers in itertools.product(*map(sorted, known))}
+        if None in found:
+            self._refuse(mixed[0], inst)
+        return frozenset(n for n in found if n is not None)
+
+    def _refuse_any(self, operands: Any, inst: Any) -> None:
+        for operand in operands:
+            if isinstance(operand, statements.Var) and not self._is_whole(operand) and self._operand(operand) != REAL:
+                self._refuse(operand, inst)
 
     def _refuse(self, operand: Any, inst: Any) -> None:
         name = "" if operand.name.startswith("$") else operand.name.partition(".")[0]
         raise errors.UnsupportedError(f"an integer or a real number: `{name}`", inst.loc)
 
 
-def _known(integers: Integers) -> Iterator[int]:
-    assert integers is not None
-    return iter(sorted(integers))
+def _exactly(function: Any, numbers: tuple[int, ...]) -> int | None:
+    """The integer that an operation makes of integers, if it makes the same bits of them as real numbers."""
+    if function is operator.pow and not 0 <= numbers[1] < _EXACT.bit_length():
+        return None
+    exact, real = function(*numbers), function(*map(float, numbers))
+    same = np.float64(exact).tobytes() == np.float64(real).tobytes()
+    return int(exact) if same and abs(int(exact)) < _EXACT else None
 
 
-def _same_bits(integer: Any, real: Any) -> bool:
-    return np.float64(integer).tobytes() == np.float64(real).tobytes()
+def _is_always_real(function: Any) -> bool:
+    """Whether an operation makes a real number of integers too."""
+    if function is operator.truediv:
+        return True
+    return isinstance(function, np.ufunc) and isinstance(function(*[1] * function.nin), np.floating)
+
+
+def _is_real_anyway(function: Any) -> bool:
+    """Whether a function does the same with an integer and with that real number."""
+    module = getattr(function, "__module__", None)
+    return function in (float, int, bool, round, len, range) or module == "math"
+
+
+def _becomes_real(given: Any, kind: Any) -> bool:
+    """Whether a number, or one inside a tuple, is real only after a conversion."""
+    if isinstance(given, types.BaseTuple) and isinstance(kind, types.BaseTuple):
+        return any(map(_becomes_real, _members(given), _members(kind)))
+    return isinstance(kind, types.Float) and not isinstance(given, types.Float)
+
+
+def _members(kind: Any) -> tuple[Any, ...]:
+    return tuple(getattr(kind, "types", ()))
 
 
 def _union(sets: Any) -> Integers:

@@ -9,6 +9,7 @@ from cosim import metrics as reductions
 from cosim.block import State
 from cosim.diagram import Diagram, MetricEntry
 from cosim.errors import CosimError, DiagramErrors, MetricError, Problems, WrongValue, nearest
+from cosim.grammar import endpoint
 from cosim.metrics import Events, Reduction
 from cosim.network import Network, Signal
 
@@ -21,6 +22,8 @@ def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list
     """
     problems, found = Problems(), {}
     for name, metric in network.diagram.metrics.items():
+        if endpoint(str(metric.signal.value))[0] in network.unchecked:
+            continue
         signal = network.find(str(metric.signal.value), metric.signal.position)
         variable = network.variable(signal)
         start, stop = metric.start or None, metric.stop if math.isfinite(metric.stop) else None

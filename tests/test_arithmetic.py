@@ -31,6 +31,8 @@ math.copysign(a, b); np.sin(a); np.exp(a); np.log(a); np.sqrt(a); np.arctan2(a, 
 a if p else b; ZERO / ZERO; 0.0 / ZERO; 1.0 / ZERO; a * LIST[1]; divmod(a, b)[0]; divmod(a, b)[1]
 sum_of(a, b, i); default(a); math.pi * a; abs(-a) ** 1.5; (-a) ** b; (a or 1.0) ** i8; 2.0 ** -1074 * a
 min(f) * min(f); max(f) - 1e-9; -max(f); SINGLE * SINGLE; SINGLE + f32; (a > b) / 4; ((a > 0) + (b > 0)) * 0.5
+np.minimum(a, b); np.maximum(a, b); np.minimum(a, 0.0); np.minimum(-0.0, a); np.maximum(i, a); np.add(a, p)
+COUPLE[0] * COUPLE[1]; -COUPLE[0] / 3; np.float64(i) / 3; (np.bool_(a) + np.bool_(b)) / 2; -np.bool_(a) / 2
 (a > b) / (a < b); -p / q; (not p) / (i > 0); n8.size / (n8.size - n8.shape[0]); share(a, b)
 """.replace("\n", ";").split(";")
 INTEGER = """
@@ -43,6 +45,7 @@ divmod(i, j & 62 | 3)[0]; divmod(i, j & 62 | 3)[1]; i + p; i > a; i == a; 2**53 
 i8 % 3; (i < j) == p; a < i; a == b; a != a; i8 // -2; i8 >> 1; bool(a) + 1; bool(i) + 1; math.isnan(a) + 0
 math.isinf(a / b) + 0; min(n8) - max(n8); -max(n8); -min(n8); abs(min(n8)); min(TABLE) - max(TABLE); -BYTE; BYTE + BYTE
 -n8.item(); n8.item() * 300
+TRIPLE[0] * TRIPLE[1]; -TRIPLE[2]; np.int64(c) * 3; np.minimum(i, j); np.maximum(i, j); np.add(i, p)
 BYTE * i; (a > b) + (a >= b); (a > b) - (a < b); -(a > b); +(a > b); (not a) + (not b); (0.0 < a < b) + (p == q)
 n8.size - 2; n8.shape[0] - 2; n8.ndim - 2; ranks(a, b); 2**63 - 1 + (i > j); (i > j) - 2**63; p + p + q; (p + q) ** 5
 math.isnan(a) + math.isinf(b) + math.isfinite(a); np.isnan(a) + np.isfinite(b); bool(a) + bool(b) + bool(i)
@@ -56,6 +59,7 @@ from cosim import Block, Output, Parameter
 
 ZERO, BIG, LIST = 0.0, 2**61, (1.0, 2.0)
 BYTE, SINGLE, TABLE = np.uint8(200), np.float32(0.1), np.array([200, 3], np.uint8)
+COUPLE, TRIPLE = (np.float32(0.1), np.int8(100)), (np.uint32(4000000000),) * 3
 
 
 def sum_of(a, b, i):
@@ -226,7 +230,7 @@ class Mixed(Block):
     c = Parameter(default=0.6)
     x = Parameter(3, default=(0.5, 0.25, 1.0))
     n = Parameter(2, dtype="int64", default=(3, 0))
-    y = Output(15)
+    y = Output(21, finite=False)
 
     def outputs(c, x, n, y):
         y[0] = c if c > 1.0 else 0
@@ -250,6 +254,15 @@ class Mixed(Block):
         p, q = sums(x, n[1])
         y[13] = p + q
         y[14] = (c if c > 1.0 else 3) < n[0] + 1
+        total = 0
+        for k in range(n[1]):
+            total += x[k]
+        y[15] = total / x.size
+        y[16] = 1 / total if total > 0 else 7
+        y[17] = np.arctan2(total, n[0])
+        y[18] = 1.0 / total
+        y[19] = 1.0 / -max((0, -0.0 * c))
+        y[20] = max(1, 2, 2 * clipped(1.5), (c if c > 1.0 else 3))
 """
 
 
@@ -260,6 +273,7 @@ def test_a_constant_that_is_an_integer_on_one_path_only_is_the_same_number(tmp_p
     (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {b: {python: own.py:Mixed}}\n")
     found = trajectories(run.load(tmp_path / "d.yaml"), "b.y", engine=engine)["b.y"][0]
     expected = [0.0, -3.0, 0.0, -1.0, 0.875, 0.0, -1.0, 1.75, 0.875, 2.0, -0.0, -0.0, 3.0 * 0.6, 0.0, 1.0]
+    expected += [0.0, 7.0, 0.0, np.inf, -np.inf, 3.0]
     assert found.tolist() == expected
     assert np.signbit(found).tolist() == np.signbit(expected).tolist()
 
@@ -276,6 +290,7 @@ FAULTS = {
     "y[0] = i >> (z + 64)": "ValueError: a shift by less than 0 or more than 63 places",
     "y[0] = i ** (z - 1)": "ValueError: an integer to a power below 0",
     "r[0] = zero ** (z - 1)": "ZeroDivisionError: 0.0 to a negative integer power",
+    "y[0] = np.int64(zero / zero)": "OverflowError: no 64-bit integer",
     "y[0] = int(zero / zero)": "OverflowError: no 64-bit integer",
     "y[0] = int(1.0 / zero)": "OverflowError: no 64-bit integer",
     "y[0] = math.floor(math.sqrt(zero - 1.0))": "OverflowError: no 64-bit integer",
@@ -342,6 +357,20 @@ REFUSED = {
     "q = zero if i > 8 else 1; r[0] = np.minimum(q, i)": "`q`, which is an integer on one path and a real",
     "r[0] = -dead(zero)": "an integer on one path and a real number on another",
     "q = pair(zero); r[0] = i * q[0]": "an integer on one path and a real number on another",
+    "q = zero if i > 8 else 0; r[0] = -first((q, zero))": "an integer on one path and a real number on another",
+    "for v in (zero if i > 8 else 0, zero): r[0] = -v": "an integer on one path and a real number on another",
+    "for k, v in enumerate((zero if i > 8 else 0, zero)): r[k] = -v": "an integer on one path and a real number on",
+    "q = (zero if i > 8 else 0,) + (zero,); r[0] = -q[0]": "an integer on one path and a real number on another",
+    "q = ((0, zero), zero) if i > 8 else ((zero, zero), zero); r[0] = -q[0][0]": "an integer on one path and a real",
+    "r[0] = max((zero if i > 8 else 0, two[0]))": "an integer on one path and a real number on another",
+    "q = zero if i > 8 else 0; r[0] = -(q.real)": "`q`, which is an integer on one path and a real number on",
+    "r[0] = (zero if i > 8 else 2**53) < i": "an integer on one path and a real number on another",
+    "q = zero if i > 8 else 3; r[0] = max(q, q, q, q, q, q, q, i)": "`q`, which is an integer on one path and a real",
+    "y[0] = math.floor(i)": r"rounds an integer with floor\(\)",
+    "y[0] = math.ceil(2**53 + 1)": r"rounds an integer with ceil\(\)",
+    "y[0] = math.trunc(zero > 1.0)": r"rounds an integer with trunc\(\)",
+    "y[0] = round(i)": r"rounds an integer with round\(\)",
+    "y[0] = np.add(zero > 1.0, flag[0])": r"gives truth values alone to `np\.add`",
     "r[0] = isinstance(zero, int)": r"calls `isinstance\(\)`, which compiled code does not have",
     "print(i)": "prints, which compiled code does not do",
     "r[0] = two.ctypes.data": "an address",
@@ -382,6 +411,14 @@ def pair(x):
     for k in range(2):
         p += x
     return p, q
+
+
+def opposite(x):
+    return -x
+
+
+def first(x):
+    return x[0]
 
 
 class Own(Block):
@@ -458,6 +495,17 @@ def test_what_the_engines_cannot_share_is_refused_by_both_with_its_line(told, st
     code, said = told(statement, "native")
     assert code == 2 and re.search(rf"own\.py:{LINE}:\d+: error: .*{REFUSED[statement]}", said), said
     assert told(statement, "python") == (code, said)
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_what_a_helper_is_given_is_followed_into_it(told, engine):
+    """A real number may be negated, and so may the other zero of a pair."""
+    line = SMALL[: SMALL.index("    return -x")].count("\n") + 1
+    code, said = told("q = zero if i > 8 else 0; r[0] = math.atan2(opposite(q), -1.0)", engine)
+    assert code == 2 and re.search(rf"own\.py:{line}:\d+: error: .*`x`, which is an integer on one path and a", said), (
+        said
+    )
+    assert told("q = zero if i > 8 else 1; r[0] = opposite(q) + opposite(zero)", engine)[0] == 0
 
 
 def test_a_real_number_is_no_integer_for_the_interpreter_either(tmp_path, trajectories):
