@@ -106,8 +106,9 @@ class _Reporter:
             else:
                 what = f"gives the name `{place.name}`, {self.article(place.name)}, to another value"
                 yield self.mistake(place.node, what, self.instead(place.name) or "use another name for the new value")
+        renamed = {place.name for place in found.rebound}  # of which the mistake is told above
         for place in found.maybe:
-            if place.name not in writes:
+            if place.name not in writes and base_of(place.node) not in renamed - {place.name}:
                 what = f"writes `{place.name}`, {self.article(place.name)}, which it may only read"
                 yield self.mistake(place.node, what, self.instead(place.name) or "write to a Local or to a local name")
         for node in found.returned:
@@ -266,6 +267,13 @@ class _Reporter:
             return "y[0]"
         axes = len(variable_of(self.declaration, name).shape)
         return f"{name}[{', '.join('qkj'[:axes]) or 0}]"
+
+
+def base_of(node: Any) -> str:
+    """The name whose elements a node writes to; "" for anything else than `name[…]…`."""
+    while isinstance(node, ast.Subscript | ast.Attribute):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
 
 
 def _is_data(value: Any) -> bool:

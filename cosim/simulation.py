@@ -378,7 +378,7 @@ class Simulation:
                         element = f"{name}[{','.join(str(i + 1) for i in left[0])}]" if len(left[0]) else name
                         member = f" of {slave.fleet} {k + 1}" if slave.fleet else ""
                         message = f"block {slave.name}: {call.function.name}() has not written `{element}`{member}"
-                        fix = f"write every element of `{name}`, and before it is read"
+                        fix = f"write every element of `{name}`, and of what it is computed from, before it is read"
                         if isinstance(slave.declaration.variables.get(name), Local):
                             fix += "; if it is work space, declare it with finite=False"
                         return BlockFailed(f"{message} at t = {self.time:g} s", slave.entry.position, fix)

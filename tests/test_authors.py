@@ -517,6 +517,13 @@ def test_a_name_that_means_something_else(tmp_path, mistake):
     assert fitting[0].position.line == marked[0]
 
 
+def test_a_name_that_gets_another_value_is_one_mistake(tmp_path):
+    """What was written under it before is no write to that other value."""
+    text = source(outputs("u, s, k, w, y, s_out", W, Y, "s_out[0] = 1.0", "s_out = k"), variables="s_out = Output()")
+    (only,), _ = mistakes(tmp_path, text)
+    assert "gives the name `s_out` to another value" in only.message
+
+
 def test_all_mistakes_of_a_file_come_at_once(tmp_path):
     wrong = [
         WRITES["an input"][0],

@@ -294,6 +294,21 @@ def test_what_an_export_would_not_use_is_refused(cosim, write, words, message):
     assert code == 2 and message in err
 
 
+def test_an_export_says_which_outputs_other_importers_may_refuse(cosim, write, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Output\n\nclass Far(Block):\n    y = Output(finite=False)\n    z = Output()\n"
+        "    def outputs(y, z):\n        y[0] = 1e308 * 10.0\n        z[0] = 1.0\n"
+    )
+    text = SMALL.replace("record:", "  far: {python: own.py:Far}\nrecord:")
+    code, out, err = cosim("export", write(text), "far", "-o", str(tmp_path / "far.fmu"))
+    assert (
+        code == 0
+        and out.startswith("wrote ")
+        and "warning: `far.y` may be NaN or infinite" in err
+        and "far.z" not in err
+    )
+
+
 @pytest.mark.parametrize(
     ("words", "message", "fix"),
     [

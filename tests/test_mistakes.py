@@ -490,6 +490,7 @@ def test_without_code_no_python_file_is_run_and_the_rest_is_checked(write, tmp_p
     (tmp_path / "own.py").write_text("raise SystemExit('it ran')\n")
     good = "run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd, inputs: {u: two.x_c}}\n"
     good += "  two: {block: SineWavePath}\nrecord: {signals: [one.y, two.x_c]}\n"
+    good += "metrics: {most: {signal: one.y, reduce: max}, last: {signal: two.x_c, reduce: final}}\n"
     path = write(good)
     assert cli.main(["check", str(path), "--no-code"]) == 0
     said = capsys.readouterr().out

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from cosim import files
+from cosim import files, terminal
+from cosim.block import Output
 from cosim.commands.options import diagram_arguments, load_network
-from cosim.errors import UnknownBlock
+from cosim.errors import CosimError, UnknownBlock
+from cosim.network import Network
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +35,18 @@ def run(options: argparse.Namespace) -> int:
     refuse_foreign(output)
     files.require_ending(output, "an FMU", "fmu")
     platforms = options.platform.split(",") if options.platform else None
-    path = export(load_network(options), blocks, output, options.fmi, platforms, options.member)
+    network = load_network(options)
+    path = export(network, blocks, output, options.fmi, platforms, options.member)
     print(f"wrote {path} ({path.stat().st_size / 1024:.0f} kB, FMI {options.fmi})")
+    if unbounded := _unbounded(network, blocks):
+        names = ", ".join(f"`{name}`" for name in unbounded)
+        terminal.print_warnings(
+            [CosimError(f"{names} may be NaN or infinite, which cosim and other importers refuse of an FMU")]
+        )
     return 0
+
+
+def _unbounded(network: Network, blocks: list[str]) -> list[str]:
+    """The exported outputs that mean something by NaN or infinity."""
+    slaves = [slave for name, slave in network.slaves.items() if not blocks or name in blocks]
+    return [f"{s.name}.{v.name}" for s in slaves for v in s.declaration.of(Output) if not v.finite]
