@@ -119,6 +119,10 @@ class Integer(int):
     def __pos__(self) -> Integer:
         return self
 
+    def view(self, dtype: Any) -> Any:
+        """The same 64 bits as a number of another type."""
+        return number(np.int64(self).view(dtype))
+
     __hash__ = int.__hash__
 
 
