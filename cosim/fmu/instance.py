@@ -359,9 +359,10 @@ class Instances:
 
     def close(self, terminate: bool) -> None:
         """Terminate (if they were initialized) and free all instances, as far as their state allows."""
-        with _lock:
-            _running[str(self.library.path)] -= self._claimed
-        self._claimed = 0
+        if self._claimed:
+            with _lock:
+                _running[str(self.library.path)] -= self._claimed
+            self._claimed = 0
         if layout.FATAL in self.lost.values():
             self.handles = []
             return  # nothing may be called any more
