@@ -108,7 +108,7 @@ class _Reporter:
                 yield self.mistake(place.node, what, self.instead(place.name) or "use another name for the new value")
         renamed = {place.name for place in found.rebound}  # of which the mistake is told above
         for place in found.maybe:
-            if place.name not in writes and base_of(place.node) not in renamed - {place.name}:
+            if place.name not in writes and _base_of(place.node) not in renamed - {place.name}:
                 what = f"writes `{place.name}`, {self.article(place.name)}, which it may only read"
                 yield self.mistake(place.node, what, self.instead(place.name) or "write to a Local or to a local name")
         for node in found.returned:
@@ -269,7 +269,7 @@ class _Reporter:
         return f"{name}[{', '.join('qkj'[:axes]) or 0}]"
 
 
-def base_of(node: Any) -> str:
+def _base_of(node: Any) -> str:
     """The name whose elements a node writes to; "" for anything else than `name[…]…`."""
     while isinstance(node, ast.Subscript | ast.Attribute):
         node = node.value

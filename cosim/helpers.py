@@ -144,7 +144,8 @@ def _widened(cell: Any) -> Any:
         value = cell.cell_contents
     except ValueError:  # nothing is in it yet
         return cell
-    return python_types.CellType(_plain(value)) if _plain(value) is not value else cell
+    plain = _plain(value)
+    return cell if plain is value else python_types.CellType(plain)
 
 
 def _helper(function: Callable[..., Any], disjoint: bool, checked: bool, inside: tuple[Any, ...]) -> Helper:

@@ -345,9 +345,7 @@ class _Module:
         found = getattr(self._module, name)
         if self._module is math:
             found = _MATH.get(name, found)
-        elif self._module is np and name in _NUMPY_EXTREMES:
-            found = _NUMPY_EXTREMES[name]
-        elif self._module is np and isinstance(found, np.ufunc):
+        elif self._module is np and isinstance(found, np.ufunc) and found not in _STANDING:
             found = _elementwise(found, _MATH.get(_NUMPY.get(name, name)))
         else:
             found = seen(found)
@@ -378,8 +376,7 @@ def _numpy_extreme(compare: np.ufunc) -> Callable[..., Any]:
     return compute
 
 
-_NUMPY_EXTREMES = {"minimum": _numpy_extreme(np.less_equal), "maximum": _numpy_extreme(np.greater_equal)}
-_STANDING |= {getattr(np, name): function for name, function in _NUMPY_EXTREMES.items()}
+_STANDING |= {np.minimum: _numpy_extreme(np.less_equal), np.maximum: _numpy_extreme(np.greater_equal)}
 
 
 def seen(value: Any) -> Any:

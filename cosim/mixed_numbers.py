@@ -11,7 +11,7 @@ import inspect
 import itertools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import reduce
 from typing import Any
 
@@ -87,7 +87,7 @@ class Numbers:
         if value.op in _ELEMENTS:
             return self._operand(value.value)
         if value.op == "build_tuple":
-            return _union(self._operand(v) for v in value.items if not self._is_whole(v))
+            return self._union_of(value.items)
         if value.op == "unary":
             return self._computed(value.fn, [value.value], inst)
         if value.op in ("binop", "static_binop", "inplace_binop"):
@@ -137,7 +137,7 @@ class Numbers:
         if isinstance(kind, types.NumberClass):
             return REAL
         if isinstance(kind, types.Dispatcher):
-            return self._returned(call)
+            return self._returned(call, inst)
         if function is widened:
             return self._operand(call.args[0])
         if function in (min, max) and len(call.args) > 1:
@@ -148,18 +148,22 @@ class Numbers:
             self._refuse_any(call.args, inst)
         return REAL
 
-    def _returned(self, call: Any) -> Integers:
+    def _returned(self, call: Any, inst: Any) -> Integers:
         """What a helper returns for these arguments."""
+        if call.vararg is not None:
+            self._refuse_any([call.vararg], inst)
         dispatcher = self._typeof(call.func.name).dispatcher
         compiled = dispatcher.overloads.get(tuple(self._calls[call].args))
         if compiled is None or NUMBERS not in compiled.metadata:
+            self._refuse_any([*call.args, *dict(call.kws).values()], inst)
             return REAL
-        named = dict(call.kws)
-        names = inspect.signature(dispatcher.py_func).parameters
-        given = [call.args[k] if k < len(call.args) else named.get(name) for k, name in enumerate(names)]
-        mixed = tuple(REAL if v is None or self._is_whole(v) else self._operand(v) for v in given)
+        mixed = tuple(map(self._union_of, _given(call, inspect.signature(dispatcher.py_func))))
         found: Integers = compiled.metadata[NUMBERS].returned(mixed if any(i != REAL for i in mixed) else ())
         return found
+
+    def _union_of(self, operands: Iterable[Any]) -> Integers:
+        """What one variable may be that takes these, where it is compiled for real numbers or as a tuple."""
+        return _union(self._operand(v) for v in operands if not self._is_whole(v))
 
     def _computed(self, function: Any, operands: Any, inst: Any) -> Integers:
         """Of an operation that is one of integers for Python if all operands are."""
@@ -190,6 +194,18 @@ class Numbers:
     def _refuse(self, operand: Any, inst: Any) -> None:
         name = "" if operand.name.startswith("$") else operand.name.partition(".")[0]
         raise errors.UnsupportedError(f"an integer or a real number: `{name}`", inst.loc)
+
+
+def _given(call: Any, signature: inspect.Signature) -> Iterator[list[Any]]:
+    """For each parameter of a helper, what a call gives it: nothing where it has a default, several for `*names`."""
+    named = dict(call.kws)
+    for k, (name, parameter) in enumerate(signature.parameters.items()):
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            yield list(call.args[k:])
+        elif k < len(call.args):
+            yield [call.args[k]]
+        else:
+            yield [named[name]] if name in named else []
 
 
 def _exactly(function: Any, numbers: tuple[int, ...]) -> int | None:

@@ -207,8 +207,8 @@ class Simulation:
                 stored = table.stored(signal, self.arena)
                 size = -(-stored.nbytes // 8)
                 probes.append([table.places[signal].offset, size])
-                place, shape = slice(words, words + size), table.network.shape(signal)
-                self._columns[-1].append(Column(signal, place, stored.shape, shape, stored.dtype))
+                span, shape = slice(words, words + size), table.network.shape(signal)
+                self._columns[-1].append(Column(signal, span, stored.shape, shape, stored.dtype))
                 words += size
             capacity = max(1, min(BUFFER_BYTES // (8 * words), self.steps // group.every + 1))
             buffer = self._words(capacity, words)

@@ -359,6 +359,8 @@ REFUSED = {
     "r[0] = -dead(zero)": "an integer on one path and a real number on another",
     "q = pair(zero); r[0] = i * q[0]": "an integer on one path and a real number on another",
     "q = zero if i > 8 else 0; r[0] = -first((q, zero))": "an integer on one path and a real number on another",
+    "q = zero if i > 8 else 0; r[0] = -several(zero, zero, q)": "an integer on one path and a real number on another",
+    "q = (zero, zero if i > 8 else 0); r[0] = several(*q)": "an integer on one path and a real number on another",
     "for v in (zero if i > 8 else 0, zero): r[0] = -v": "an integer on one path and a real number on another",
     "for k, v in enumerate((zero if i > 8 else 0, zero)): r[k] = -v": "an integer on one path and a real number on",
     "q = (zero if i > 8 else 0,) + (zero,); r[0] = -q[0]": "an integer on one path and a real number on another",
@@ -420,6 +422,10 @@ def opposite(x):
 
 def first(x):
     return x[0]
+
+
+def several(x, *others):
+    return others[-1]
 
 
 class Own(Block):

@@ -296,7 +296,8 @@ def test_what_an_export_would_not_use_is_refused(cosim, write, words, message):
 
 def test_an_export_says_which_outputs_other_importers_may_refuse(cosim, write, tmp_path):
     (tmp_path / "own.py").write_text(
-        "from cosim import Block, Output\n\nclass Far(Block):\n    y = Output(finite=False)\n    z = Output()\n"
+        "from cosim import Block, Output, State\n\nclass Far(Block):\n    y = Output(finite=False)\n    z = Output()\n"
+        "    x = State(output=True, finite=False)\n    def update(x, next_x):\n        next_x[0] = x\n"
         "    def outputs(y, z):\n        y[0] = 1e308 * 10.0\n        z[0] = 1.0\n"
     )
     text = SMALL.replace("record:", "  far: {python: own.py:Far}\nrecord:")
@@ -304,7 +305,7 @@ def test_an_export_says_which_outputs_other_importers_may_refuse(cosim, write, t
     assert (
         code == 0
         and out.startswith("wrote ")
-        and "warning: `far.y` may be NaN or infinite" in err
+        and "warning: `far.y`, `far.x` may be NaN or infinite" in err
         and "far.z" not in err
     )
 

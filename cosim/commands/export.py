@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from cosim import files, terminal
-from cosim.block import Output
 from cosim.commands.options import diagram_arguments, load_network
 from cosim.errors import CosimError, UnknownBlock
 from cosim.network import Network
@@ -49,4 +48,5 @@ def run(options: argparse.Namespace) -> int:
 def _unbounded(network: Network, blocks: list[str]) -> list[str]:
     """The exported outputs that mean something by NaN or infinity."""
     slaves = [slave for name, slave in network.slaves.items() if not blocks or name in blocks]
-    return [f"{s.name}.{v.name}" for s in slaves for v in s.declaration.of(Output) if not v.finite]
+    variables = [(s.name, v) for s in slaves for v in s.declaration.variables.values()]
+    return [f"{block}.{v.name}" for block, v in variables if v.causality == "output" and not v.finite]
