@@ -231,9 +231,10 @@ class Mixed(Block):
     c = Parameter(default=0.6)
     x = Parameter(3, default=(0.5, 0.25, 1.0))
     n = Parameter(2, dtype="int64", default=(3, 0))
-    y = Output(21, finite=False)
+    y = Output(22, finite=False)
+    z = Output(2, 3, finite=False)
 
-    def outputs(c, x, n, y):
+    def outputs(c, x, n, y, z):
         y[0] = c if c > 1.0 else 0
         y[1] = -(c if c > 1.0 else 3)
         y[2] = 2 * (c if c > 1.0 else NOUGHT)
@@ -264,6 +265,13 @@ class Mixed(Block):
         y[18] = 1.0 / total
         y[19] = 1.0 / -max((0, -0.0 * c))
         y[20] = max(1, 2, 2 * clipped(1.5), (c if c > 1.0 else 3))
+        y[21] = (c if c > 1.0 else 0) ** 0
+        z[0, 0] = z[1, 2] = 0.0
+        z[0, 1] = z[0, 2] = -0.0
+        z[1, 0] = -0.0
+        z[1, 1] = math.nan
+        np.minimum(z[0], z[1], z[0])
+        np.maximum(z[1], x, z[1])
 """
 
 
@@ -272,9 +280,11 @@ def test_a_constant_that_is_an_integer_on_one_path_only_is_the_same_number(tmp_p
     """As plain Python has it, but that `min` and `max` of a real number and an integer are real: a zero has a sign."""
     (tmp_path / "own.py").write_text(MIXED)
     (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {b: {python: own.py:Mixed}}\n")
-    found = trajectories(run.load(tmp_path / "d.yaml"), "b.y", engine=engine)["b.y"][0]
+    got = trajectories(run.load(tmp_path / "d.yaml"), "b.y", "b.z", engine=engine)
+    assert [repr(v) for v in got["b.z"][0].ravel().tolist()] == ["0.0", "nan", "-0.0", "0.5", "nan", "1.0"]
+    found = got["b.y"][0]
     expected = [0.0, -3.0, 0.0, -1.0, 0.875, 0.0, -1.0, 1.75, 0.875, 2.0, -0.0, -0.0, 3.0 * 0.6, 0.0, 1.0]
-    expected += [0.0, 7.0, 0.0, np.inf, -np.inf, 3.0]
+    expected += [0.0, 7.0, 0.0, np.inf, -np.inf, 3.0, 1.0]
     assert found.tolist() == expected
     assert np.signbit(found).tolist() == np.signbit(expected).tolist()
 
@@ -346,6 +356,7 @@ REFUSED = {
     "r[0] = zero if i > 8 else flag[0]": "an integer on one path and a real number on another",
     "r[0] = -(zero if i > 8 else 0)": "an integer on one path and a real number on another",
     "r[0] = -(zero if i > 8 else False)": "an integer on one path and a real number on another",
+    "r[0] = -((zero if i > 8 else 1) - 1)": "an integer on one path and a real number on another",
     "r[0] = -2 * (zero if i > 8 else 0)": "an integer on one path and a real number on another",
     "r[0] = i + (zero if i > 8 else 1)": "an integer on one path and a real number on another",
     "r[0] = 2.5 ** (zero if i > 8 else 2)": "an integer on one path and a real number on another",
