@@ -24,11 +24,12 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave, fmi2Real, fmi2ValueReference
 from fmpy.fmi3 import FMU3Slave, fmi3Float64, fmi3ValueReference
 
-from cosim import Block, Input, State, run, simulation, table
-from cosim.fmu import build
-from cosim.fmu.export import export
-from cosim.network import Signal
-from cosim.simulation import Simulation
+from cosim import Block, Input, State
+from cosim.engine import run, simulation, table
+from cosim.engine.simulation import Simulation
+from cosim.export import build
+from cosim.export.exporter import export_fmu
+from cosim.wiring.network import Signal
 
 HERE = Path(__file__).resolve().parent
 STEP, STEPS, FMPY_STEPS, ISOLATED_STEPS, TRIPS = 1e-3, 100_000, 10_000, 10_000, 10_000
@@ -92,7 +93,7 @@ def exported(folder: Path, version: int) -> list[Path]:
     """Two blocks of a diagram, each exported as an FMU."""
     relay = f"python: {Path(__file__).resolve()}:Relay, period: {STEP}"
     network = run.load(diagram(folder, STEPS, relay, relay))
-    return [export(network, [name], folder / f"{name}.fmu", f"{version}.0") for name in ("one", "other")]
+    return [export_fmu(network, [name], folder / f"{name}.fmu", f"{version}.0") for name in ("one", "other")]
 
 
 def diagram(folder: Path, steps: int, one: str, other: str) -> Path:

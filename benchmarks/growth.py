@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cosim import run
-from cosim.simulation import KERNEL
+from cosim.engine import run
+from cosim.engine.simulation import KERNEL
 
 DIAGRAMS = Path(__file__).parent.parent / "diagrams"
 ROBOT_STEPS = 3_000_000  # how much a measurement does: robots times steps
@@ -57,7 +57,9 @@ def search(robots: int) -> float:
     network = run.load(DIAGRAMS / "fleet_1000.yaml", ["run.stop=0.001", f"fleets.robot={robots}"])
     simulation = run.Run(network).simulation
     simulation.initialize()
-    n = next(n for n, c in enumerate(simulation.table.calls) if c.slave == "topology" and c.function.name == "outputs")
+    n = next(
+        n for n, c in enumerate(simulation.table.calls) if c.component == "topology" and c.function.name == "outputs"
+    )
     kernel = KERNEL(int(simulation._functions[n]))
     base = simulation.arena.ctypes.data
     frame = base + simulation.table.calls[n].frame

@@ -15,9 +15,10 @@ import time as clock
 
 import numpy as np
 
-from cosim import kernels, supervision
+from cosim.compiling import kernels
 from cosim.fmu import mailbox
-from cosim.memory import call, words_at
+from cosim.machine import supervision
+from cosim.machine.memory import call, words_at
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 

@@ -19,7 +19,7 @@ from typing import Any
 import formation_numpy
 import numpy as np
 
-from cosim import run
+from cosim.engine import run
 
 HERE = Path(__file__).parent
 DIAGRAM = HERE.parent / "diagrams" / "formation.yaml"

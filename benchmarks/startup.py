@@ -25,7 +25,7 @@ PHASES = ("setup", "compile", "solve")
 def start(cache: Path, *options: str) -> tuple[float, dict[str, float], str]:
     """Run the formation in a new process: (seconds, seconds of each phase, what it wrote to standard error)."""
     output = cache / "formation.nc"
-    command = [sys.executable, *options, "-m", "cosim.cli", "run", DIAGRAM, "--json", "-o", output]
+    command = [sys.executable, *options, "-m", "cosim.terminal.cli", "run", DIAGRAM, "--json", "-o", output]
     began = clock.perf_counter()
     done = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | {"COSIM_CACHE": cache})
     whole = clock.perf_counter() - began

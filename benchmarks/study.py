@@ -17,8 +17,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from cosim.run import Run
-from cosim.study import description, running
+from cosim.engine.run import Run
+from cosim.study import running, study_file
 from cosim.study.executors import processors
 from cosim.study.plan import members
 from cosim.study.running import Options
@@ -28,9 +28,9 @@ SETTINGS = ("grid={}", "variants={APFTVT: {}}", "explain=null", "figures={}", "t
 SINGLE_RUNS = 7
 
 
-def study(count: int) -> description.Study:
+def study(count: int) -> study_file.Study:
     path = Path(__file__).parents[1] / "diagrams" / "studies" / "robustness.yaml"
-    return description.load(path, [*SETTINGS, f"random.count={count}"])
+    return study_file.load(path, [*SETTINGS, f"random.count={count}"])
 
 
 def solve_time() -> tuple[float, float]:

@@ -2,7 +2,9 @@
 
 import math
 
-from cosim.block import Block, Input, Output, Parameter, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Input, Output, Parameter
 from cosim.blocks.reference import POSITION
 
 HALF_ROOT_3 = 0.5 * math.sqrt(3.0)

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from cosim.block import Block, Input, Local, Output, Parameter, condition, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import condition, rule
+from cosim.authoring.variables import Input, Local, Output, Parameter
 from cosim.blocks.consensus import local_errors
 from cosim.blocks.stability_conditions import (
     formation_reached,

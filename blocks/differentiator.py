@@ -2,7 +2,9 @@
 
 import math
 
-from cosim.block import Block, CalculatedParameter, Input, Parameter, State, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import CalculatedParameter, Input, Parameter, State
 from cosim.blocks.cube_root import cube_root
 
 

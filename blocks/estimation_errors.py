@@ -4,7 +4,8 @@ import math
 
 from numpy.typing import NDArray
 
-from cosim.block import Input, Measure, Output
+from cosim.authoring.block import Measure
+from cosim.authoring.variables import Input, Output
 
 
 def sum_of_norms(estimate: NDArray, truth: NDArray) -> float:

@@ -1,6 +1,8 @@
 """Velocity and uncertainty of a robot from its position: the finite-time observer without a neural network."""
 
-from cosim.block import Block, CalculatedParameter, Input, Local, Parameter, State, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import CalculatedParameter, Input, Local, Parameter, State
 from cosim.blocks.signed_power import common_root, signed_powers
 
 

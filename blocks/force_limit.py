@@ -2,7 +2,9 @@
 
 from numpy.typing import NDArray
 
-from cosim.block import Block, Input, Output, Parameter, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Input, Output, Parameter
 
 
 class ForceLimit(Block):

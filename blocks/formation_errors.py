@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 
-from cosim.block import Input, Local, Measure, Output, Parameter, rule
+from cosim.authoring.block import Measure
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Input, Local, Output, Parameter
 from cosim.blocks.agreement import agrees
 from cosim.blocks.consensus import local_errors
 

@@ -2,7 +2,9 @@
 
 import math
 
-from cosim.block import Block, CalculatedParameter, Input, Local, Output, Parameter, State, condition, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import condition, rule
+from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter, State
 from cosim.blocks.radial_basis import activations, equal_spacing, weighted_sum
 from cosim.blocks.signed_power import common_root, signed_powers
 from cosim.blocks.stability_conditions import network_covers_run, observer_region, observer_stable

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from cosim.block import Input, Measure, Output, Parameter, rule
+from cosim.authoring.block import Measure
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Input, Output, Parameter
 from cosim.blocks.distance import planar_distance
 
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from cosim.block import Block, Input, Output, Parameter, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Input, Output, Parameter
 from cosim.blocks.agreement import radii_agree
 from cosim.blocks.distance import planar_distance
 

@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 
-from cosim.block import Block, Dimension, Input, Local, Output, Parameter, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Dimension, Input, Local, Output, Parameter
 from cosim.blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
 from cosim.blocks.cell_grid import later, later_near, sort_into_cells
 from cosim.blocks.distance import planar_square, surely_beyond

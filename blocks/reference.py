@@ -2,7 +2,8 @@
 
 import math
 
-from cosim.block import Block, CalculatedParameter, Input, Local, Output, Parameter
+from cosim.authoring.block import Block
+from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter
 
 POSITION = ("m", "m", "rad")
 VELOCITY = ("m/s", "m/s", "rad/s")

@@ -1,6 +1,8 @@
 """The plant: a three-wheel omnidirectional robot."""
 
-from cosim.block import Block, Input, Parameter, State, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Input, Parameter, State
 from cosim.blocks.control_gain import wheel_directions
 from cosim.blocks.reference import POSITION
 

@@ -5,7 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.block import Dimension, Input, Local, Measure, Output, Parameter, State, condition, rule
+from cosim.authoring.block import Measure
+from cosim.authoring.rules import condition, rule
+from cosim.authoring.variables import Dimension, Input, Local, Output, Parameter, State
 from cosim.blocks.agreement import radii_agree
 from cosim.blocks.cell_grid import later, later_near, sees_all, sort_into_cells
 from cosim.blocks.distance import planar_square, surely_beyond

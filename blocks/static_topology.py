@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from cosim.block import Block, Dimension, Input, Local, Output, Parameter, rule
+from cosim.authoring.block import Block
+from cosim.authoring.rules import rule
+from cosim.authoring.variables import Dimension, Input, Local, Output, Parameter
 from cosim.blocks.adjacency import begin_with_static, names_robots, strongly_connected
 
 

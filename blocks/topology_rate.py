@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 
-from cosim.block import Input, Measure, Output, Parameter, condition, rule
+from cosim.authoring.block import Measure
+from cosim.authoring.rules import condition, rule
+from cosim.authoring.variables import Input, Output, Parameter
 from cosim.blocks.agreement import agrees
 from cosim.blocks.distance import planar_square
 from cosim.blocks.stability_conditions import formation_reached_along, topology_slow_along

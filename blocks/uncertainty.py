@@ -2,7 +2,8 @@
 
 import math
 
-from cosim.block import Block, Input, Output, Parameter
+from cosim.authoring.block import Block
+from cosim.authoring.variables import Input, Output, Parameter
 from cosim.blocks.reference import POSITION
 
 

@@ -6,8 +6,8 @@ import sys
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until `main` listens
 
-from cosim import interruption
-from cosim.cli import main
+from cosim.machine import interruption
+from cosim.terminal.cli import main
 
 
 def entry() -> int:

@@ -175,15 +175,15 @@ class BlockFailed(CosimError):
     """A block's function stopped the run."""
 
 
-class SlaveFailed(BlockFailed):
+class FmuFailed(BlockFailed):
     """A function of an FMU stopped the run."""
 
 
-class SlaveCrashed(SlaveFailed):
+class FmuCrashed(FmuFailed):
     """The process that an FMU ran in has died."""
 
 
-class SlaveHung(SlaveFailed):
+class FmuHung(FmuFailed):
     """A function of an FMU did not return within the run's patience."""
 
 

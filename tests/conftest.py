@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from cosim import run, simulation, table
-from cosim.network import Network, Signal
-from cosim.simulation import Probes, Simulation
+from cosim.engine import run, simulation, table
+from cosim.engine.simulation import Probes, Simulation
+from cosim.wiring.network import Network, Signal
 
 # The same examples at every run: a test that fails here fails everywhere. `--hypothesis-profile search` draws new ones.
 settings.register_profile("repeatable", derandomize=True, deadline=None)

@@ -23,8 +23,10 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 
-from cosim import compiler, engine, native, run, simulation
-from cosim.fmu import build, export
+from cosim.compiling import compiler
+from cosim.engine import loop, run, simulation
+from cosim.export import build, exporter
+from cosim.machine import object_code
 
 WORK = Path(os.environ["SANITIZED"])
 os.environ["COSIM_CACHE"] = str(WORK / "cache")  # its code is watched, or none
@@ -49,7 +51,7 @@ def watched(ir: str, name: str, symbols: list[str]) -> Path:
 
 
 class Library:
-    """As `cosim.native.Library`, of a shared library whose path is the code."""
+    """As `cosim.machine.object_code.Library`, of a shared library whose path is the code."""
 
     def __init__(self, code: bytes) -> None:
         self._library = ctypes.CDLL(code.decode())
@@ -71,18 +73,18 @@ def fence(one: simulation.Simulation) -> None:
     table, owned = one.table, np.zeros(one.arena.size, bool)
     spans = [(offset, 8 * table.states) for offset in table.vectors.values()]
     for call in table.calls:
-        slave = table.network.slaves[call.slave]
-        spans.append((call.frame, 8 * (6 + len(slave.axes) + 2 * len(call.arguments))))
+        component = table.network.components[call.component]
+        spans.append((call.frame, 8 * (6 + len(component.axes) + 2 * len(call.arguments))))
         for place in call.arguments:
             if place is not None:
                 size = int(np.prod(place.shape)) * place.dtype.itemsize
                 spans += [(place.offset + k * place.stride, size) for k in range(call.count)]
     for begin, size in spans:
         owned[begin : begin + -(-size // 8) * 8] = True
-    copies = table.operations[table.operations[:, engine.KIND] == engine.COPY]
+    copies = table.operations[table.operations[:, loop.KIND] == loop.COPY]
     for row in copies:
-        for begin in (row[engine.A], row[engine.B]):
-            owned[begin : begin + 8 * row[engine.C]] = True
+        for begin in (row[loop.A], row[loop.B]):
+            owned[begin : begin + 8 * row[loop.C]] = True
     for begin, words in (table.published,):
         owned[begin : begin + 8 * words] = True  # the padding between them is read, and is zero
     library = ctypes.CDLL(None)
@@ -99,12 +101,12 @@ def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 def watch_run(path: str, settings: list[str], broken: bool) -> None:
     compiler.compile_object = compile_object
-    native.Library = Library  # type: ignore[misc]
+    object_code.Library = Library  # type: ignore[misc]
     simulation.BUFFER_BYTES = 2_000
     one = run.Run(run.load(path, settings))
     fence(one.simulation)
     if broken:
-        one.simulation._groups[:, engine.CAPACITY] += 1
+        one.simulation._groups[:, loop.CAPACITY] += 1
     outcome = one.execute()
     print(outcome.as_json())
     assert outcome.status == "completed", outcome.error
@@ -124,7 +126,7 @@ def watch_fmu(path: str, settings: list[str]) -> None:
     network = run.load(path, settings)
     for version in ("2.0", "3.0"):
         file = Path(path).parent / f"watched{version[0]}.fmu"
-        export.export(network, [], file, version)
+        exporter.export_fmu(network, [], file, version)
         for how in ({}, {"me": True}):
             host = Host(file, **how)
             host.initialize()

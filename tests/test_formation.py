@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import Parameter, results, rules, run
+from cosim import Parameter
+from cosim.engine import run
+from cosim.results import result_file
+from cosim.wiring import conditions
 
 DIAGRAMS = Path(__file__).parents[1] / "diagrams"
 ALL = sorted(path.name for path in DIAGRAMS.glob("*.yaml"))
@@ -42,7 +45,7 @@ def test_the_formation_is_kept_without_collision():
     assert errors == pytest.approx([0.013, 0.035, 0.073], rel=0.15)
     assert all(ours < theirs for ours, theirs in zip(errors, (0.016, 0.057, 0.12), strict=True))
     assert found.events == []
-    holds = {(f.slave, f.source, f.text): f.holds for f in found.conditions}
+    holds = {(f.component, f.source, f.text): f.holds for f in found.conditions}
     assert [key[1:] for key, held in holds.items() if not held] == [
         ("Theorem 3", "sigma(Lambda) - L_M/sigma(L_1 + B) > 0 along the run")
     ]
@@ -76,7 +79,7 @@ def test_the_formation_settles_within_the_bounds_of_theorem_3():
 def test_a_run_that_leaves_the_networks_region_is_told():
     """Remark 5: with mu = 8 the formation drives out of what the network feels; delta_x is 0.61 m at 60 s."""
     network = run.load(DIAGRAMS / "formation.yaml", ["run.stop=60"])
-    (before,) = [f for f in rules.conditions(network) if f.source == "Remark 5"]
+    (before,) = [f for f in conditions.conditions(network) if f.source == "Remark 5"]
     assert before.holds is False and "from t = 33.8" in before.numbers
     found = run.Run(network).execute()
     assert found.metrics["delta_x"] == pytest.approx(0.61, rel=0.1)
@@ -128,7 +131,7 @@ def test_interpreted_and_compiled_agree_over_the_first_second(name, tmp_path):
     for engine in run.ENGINES:
         files.append(tmp_path / f"{engine}.nc")
         assert outcome(name, stop, "record.period=0.01", engine=engine, output=files[-1]).status == "completed"
-    with results.open_result(files[0]) as compiled, results.open_result(files[1]) as interpreted:
+    with result_file.open_result(files[0]) as compiled, result_file.open_result(files[1]) as interpreted:
         assert compiled.signals and len(compiled.times) > 1
         for signal in compiled.signals:
             assert np.array_equal(compiled[signal].view(np.uint8), interpreted[signal].view(np.uint8)), signal
@@ -157,8 +160,8 @@ def test_the_blocks_defaults_are_the_papers_values(formation, tmp_path, diagram)
     path = formation.with_name(diagram)
     whole = run.load(path)
     defaults = {
-        name: [v.name for v in slave.declaration.of(Parameter) if v.start is not None and v.name in slave.given]
-        for name, slave in whole.slaves.items()
+        name: [v.name for v in component.declaration.of(Parameter) if v.start is not None and v.name in component.given]
+        for name, component in whole.components.items()
     }
     assert sum(map(len, defaults.values())) > 25
     lines = [f"extends: {path}", "blocks:"]
@@ -169,5 +172,5 @@ def test_the_blocks_defaults_are_the_papers_values(formation, tmp_path, diagram)
     bare = run.load(tmp_path / "bare.yaml")
     for name, of in defaults.items():
         for parameter in of:
-            given, default = np.broadcast_arrays(*(n.slaves[name].values[parameter] for n in (whole, bare)))
+            given, default = np.broadcast_arrays(*(n.components[name].values[parameter] for n in (whole, bare)))
             np.testing.assert_array_equal(default, given, err_msg=f"{name}.{parameter}")

@@ -13,7 +13,7 @@ import cosim.blocks
 ROOT = Path(__file__).parents[1]
 FOUND = """
 import os, sys
-from cosim import library
+from cosim.wiring import library
 for folder in {os.path.dirname(sys.modules[block.__module__].__file__) for block in library.all_blocks().values()}:
     print(folder)
 import cosim.blocks
@@ -61,5 +61,5 @@ def test_a_folder_called_blocks_beside_a_file_of_blocks_is_in_nobodys_way(instal
     (tmp_path / "blocks" / "mine.py").write_text("FACTOR = 3.0\n")
     own = tmp_path / "own.py"
     own.write_text("from blocks.mine import FACTOR\nfrom cosim.blocks.cube_root import cube_root\n")
-    code = f"from pathlib import Path; from cosim import library; m = library.import_file(Path({str(own)!r})); "
+    code = f"from pathlib import Path; from cosim.wiring import library; m = library.import_file(Path({str(own)!r})); "
     assert told(installed, code + "print(m.cube_root(9.0 * m.FACTOR))") == ["3.0"]

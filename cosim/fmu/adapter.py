@@ -1,8 +1,8 @@
 """The kernel that stands between the loop and an FMU: set inputs, step, get outputs, handle events.
 
 Generic: one compiled function serves every FMU of either FMI version, because all that differs is data, laid out as
-`cosim.fmu.layout` says. Like `cosim.engine`, this is one source for both engines, and nothing here allocates or returns
-to Python.
+`cosim.fmu.fields` says. Like `cosim.engine.loop`, this is one source for both engines, and nothing here allocates or
+returns to Python.
 
 The calls keep to the state machines of FMI 2.0.5 (sections 3.2.3 and 4.2.4) and FMI 3.0.2 (sections 2.3, 3.2, 4.2):
 
@@ -23,7 +23,7 @@ from typing import Any
 
 from cosim.fmu.event_mode import enter_event_mode, leave_event_mode, reals_of, settle
 from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
-from cosim.fmu.layout import (
+from cosim.fmu.fields import (
     ADVANCE,
     BEGIN_EVENTS,
     BOOLEAN_STATUS,
@@ -78,8 +78,8 @@ from cosim.fmu.layout import (
     WARNING,
     WARNINGS,
 )
-from cosim.fmu.values import bad, get_outputs, give_up, set_inputs
-from cosim.memory import integers_at, reals_at, words_at
+from cosim.fmu.transfer import bad, get_outputs, give_up, set_inputs
+from cosim.machine.memory import integers_at, reals_at, words_at
 
 _TERMINATED_STATUS, _LAST_TIME_STATUS = 3, 2  # fmi2StatusKind
 

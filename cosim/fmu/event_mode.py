@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.fmu.layout import (
+from cosim.fmu.fields import (
     CHANGED,
     CLOCK,
     ENDLESS,
@@ -29,8 +29,8 @@ from cosim.fmu.layout import (
     UPDATE_DISCRETE_STATES,
     VERSION,
 )
-from cosim.fmu.values import bad, give_up
-from cosim.memory import integers_at, reals_at, words_at
+from cosim.fmu.transfer import bad, give_up
+from cosim.machine.memory import integers_at, reals_at, words_at
 
 
 def reals_of(info: int) -> Any:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.fmu.event_mode import enter_event_mode, go_into_event_mode, leave_event_mode, reals_of, settle
-from cosim.fmu.layout import (
+from cosim.fmu.fields import (
     AGAIN,
     BUFFER,
     BYTES,
@@ -64,8 +64,8 @@ from cosim.fmu.layout import (
     TERMINATED,
     WORK,
 )
-from cosim.fmu.values import bad, differs, give_up, set_inputs, set_value
-from cosim.memory import integers_at, reals_at, words_at
+from cosim.fmu.transfer import bad, differs, give_up, set_inputs, set_value
+from cosim.machine.memory import integers_at, reals_at, words_at
 
 # ---- what the loop asks for ----
 

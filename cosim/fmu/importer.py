@@ -21,13 +21,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cosim import supervision
-from cosim.block import Block, Declaration, Function, Input, Local, Output, Parameter, State, Variable, condition
-from cosim.entry import BlockEntry
+from cosim.authoring.block import Block
+from cosim.authoring.declaration import Declaration, Function
+from cosim.authoring.rules import condition
+from cosim.authoring.variables import Input, Local, Output, Parameter, State, Variable
 from cosim.errors import FmuError, Position, UnknownPort, WrongValue, nearest
-from cosim.fmu import adapter, archive, layout
+from cosim.fmu import adapter, archive, fields
 from cosim.fmu.ports import Port
 from cosim.fmu.ports import ports as read_ports
+from cosim.language.entry import BlockEntry
+from cosim.machine import supervision
 
 DELAY = {2: "FMI 2.0.5, section 4.2.4", 3: "FMI 3.0.2, section 4.2, Step Mode"}
 MODES = ("co-simulation", "model-exchange")
@@ -66,11 +69,11 @@ class Fmu:
     def kind(self) -> int:
         """The adapter's name for the kind."""
         if self.mode == MODES[1]:
-            return layout.MODEL_EXCHANGE
+            return fields.MODEL_EXCHANGE
         eventful = self.version == 3 and self.interface.hasEventMode
-        return layout.EVENT_CO_SIMULATION if eventful else layout.CO_SIMULATION
+        return fields.EVENT_CO_SIMULATION if eventful else fields.CO_SIMULATION
 
-    frame_words = layout.FIRST - layout.LINK
+    frame_words = fields.FIRST - fields.LINK
 
     @property
     def kernel(self) -> Callable[[float, int, int], int]:
@@ -180,7 +183,7 @@ def _read_structure(fmu: Fmu) -> None:
     owner = _owners(fmu)
     fmu.inputs_of = dependencies(fmu, description.outputs)
     fmu.initial_inputs_of = dependencies(fmu, description.initialUnknowns)
-    if fmu.kind != layout.MODEL_EXCHANGE:
+    if fmu.kind != fields.MODEL_EXCHANGE:
         return
     for unknown in description.derivatives:
         state = unknown.variable.derivative
@@ -280,7 +283,7 @@ def _variable(name: str, port: Port, is_state: bool) -> Variable:
         kind = Output if port.causality == "output" else Local
         variable = kind(*port.shape, start=port.start() if port.can_start else None, **more)
     variable.name = name
-    variable.any_integer = port.code == layout.INTEGER32
+    variable.any_integer = port.code == fields.INTEGER32
     return variable
 
 
@@ -288,9 +291,9 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     inputs = [v.name for v in declaration.of(Input)]
     outputs = [v.name for v in declaration.of(Output)]
     locals_ = [v.name for v in declaration.of(Local)]
-    feedthrough = fmu.kind != layout.CO_SIMULATION
+    feedthrough = fmu.kind != fields.CO_SIMULATION
     unstated = inputs if feedthrough else []
-    reads = ("time", *states) if fmu.kind == layout.MODEL_EXCHANGE else ()
+    reads = ("time", *states) if fmu.kind == fields.MODEL_EXCHANGE else ()
     functions = []
     for k, (known, names) in enumerate(_grouped(outputs, fmu.inputs_of if feedthrough else {}, unstated)):
         functions.append(_function(f"outputs_{k}", "outputs", (*reads, *known), names))
@@ -303,7 +306,7 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
         functions.append(_function(f"start_{k}", "start", known, names))
     functions.append(_function("begin", "begin", inputs, states))
-    if fmu.kind == layout.MODEL_EXCHANGE:
+    if fmu.kind == fields.MODEL_EXCHANGE:
         functions.append(_function("events", "events", (), states))
         functions.append(_function("settle", "settle", inputs, states))
         if states:
@@ -332,7 +335,7 @@ def _grouped(
 
 def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
     """What a person should know before running it, as conditions that do not hold."""
-    if fmu.kind == layout.CO_SIMULATION:
+    if fmu.kind == fields.CO_SIMULATION:
         named = [v.name for v in declaration.of(Output)]
         stated = [f"{n} on {', '.join(sorted(fmu.inputs_of[n] or ()))}" for n in named if fmu.inputs_of.get(n)]
         unstated = [n for n in named if fmu.inputs_of.get(n) is None] if list(declaration.of(Input)) else []
@@ -341,7 +344,7 @@ def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
         if numbers:
             text = "outputs depend on no input at the same instant"
             yield condition(text, DELAY[fmu.version])(_fails("; ".join(numbers)))
-    if fmu.kind != layout.MODEL_EXCHANGE and _samples(fmu) and not declaration.sampled and list(declaration.of(Input)):
+    if fmu.kind != fields.MODEL_EXCHANGE and _samples(fmu) and not declaration.sampled and list(declaration.of(Input)):
         seen = f"under gauss-seidel {', '.join(_computed(fmu, 'discrete'))} may see those of its end"
         text = "what is sampled at the beginning of a step sees the inputs of that time"
         yield condition(text, "co-simulation")(lambda method: (method != "gauss-seidel", seen))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError, FmuError
-from cosim.fmu import archive, layout
+from cosim.fmu import archive, fields
 from cosim.fmu.importer import MODES, Fmu, read_description
 from cosim.fmu.importer import dependencies as read_dependencies
 from cosim.fmu.ports import Port, ports
@@ -78,7 +78,7 @@ def _variables(path: Path, folder: Path, description: Any, kinds: dict[str, Any]
     mode = next((mode for mode, kind in kinds.items() if kind is not None), None)
     fmu = Fmu(path, folder, description, mode or MODES[0], found)
     feeds = read_dependencies(fmu, description.outputs)
-    delayed = mode is not None and fmu.kind == layout.CO_SIMULATION
+    delayed = mode is not None and fmu.kind == fields.CO_SIMULATION
     for causality in _SECTIONS:
         section = {name: port for name, port in found.items() if port.causality == causality}
         if not section:

@@ -13,22 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from cosim import floating, kernels
-from cosim.fmu import adapter, layout, mailbox
+from cosim.authoring.foreign import Loop
+from cosim.compiling import kernels
+from cosim.fmu import adapter, fields, mailbox
 from cosim.fmu.instance import Instances
-from cosim.foreign import Loop
-from cosim.memory import words_at
+from cosim.machine import floating
+from cosim.machine.memory import words_at
 
 _KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
 
 class Served(Instances):
-    """Instances in a process of their own; a `cosim.foreign.Part`."""
+    """Instances in a process of their own; a `cosim.authoring.foreign.Part`."""
 
-    def __init__(self, fmu: Any, slave: Any, calls: Sequence[Any], arena: np.ndarray, *arguments: Any) -> None:
-        super().__init__(fmu, slave, calls, arena, *arguments)
-        alone = len(self.members) == slave.count
-        self.process = slave.name if alone else f"{slave.name} {self.members[0] + 1}"
+    def __init__(self, fmu: Any, component: Any, calls: Sequence[Any], arena: np.ndarray, *arguments: Any) -> None:
+        super().__init__(fmu, component, calls, arena, *arguments)
+        alone = len(self.members) == component.count
+        self.process = component.name if alone else f"{component.name} {self.members[0] + 1}"
         self.box = mailbox.new()
         self.loop_link = np.zeros(0, np.int64)  # as of `mailbox.SERVERS` and what follows
         self._code = kernels.raw_module("server", (adapter.adapt, mailbox.serve)).load()
@@ -39,18 +40,18 @@ class Served(Instances):
 
     def _frame(self, call: Any) -> np.ndarray:
         """A call's frame for these members only."""
-        size = layout.FIRST + 2 * sum(place is not None for place in call.arguments)
+        size = fields.FIRST + 2 * sum(place is not None for place in call.arguments)
         frame = words_at(self.arena.ctypes.data + call.frame, size).copy()
-        frame[layout.COUNT] = len(self.members)
-        frame[layout.FIRST :: 2] += self.members[0] * frame[layout.FIRST + 1 :: 2]
+        frame[fields.COUNT] = len(self.members)
+        frame[fields.FIRST :: 2] += self.members[0] * frame[fields.FIRST + 1 :: 2]
         return frame
 
     def open(self) -> None:
         """Make the instances, and have the loop's frames lead to the mailboxes, with the number of the call."""
         super().open()
         for number, call in enumerate(self.calls):
-            frame = words_at(self.arena.ctypes.data + call.frame, layout.FIRST)
-            frame[layout.LINK :] = self.loop_link.ctypes.data, number
+            frame = words_at(self.arena.ctypes.data + call.frame, fields.FIRST)
+            frame[fields.LINK :] = self.loop_link.ctypes.data, number
 
     def frames(self) -> list[int]:
         """The addresses of the calls' frames."""
@@ -77,7 +78,7 @@ class Served(Instances):
 
 def parts(
     fmu: Any,
-    slave: Any,
+    component: Any,
     calls: Sequence[Any],
     arena: np.ndarray,
     loop: Loop,
@@ -86,8 +87,8 @@ def parts(
 ) -> list[Served]:
     """A server for all instances of a block, or one for each where a process may have only one."""
     once = fmu.interface.canBeInstantiatedOnlyOncePerProcess
-    groups = [range(k, k + 1) for k in range(slave.count)] if once else [range(slave.count)]
-    servers = [Served(fmu, slave, calls, arena, loop, wanted, zeros, members) for members in groups]
+    groups = [range(k, k + 1) for k in range(component.count)] if once else [range(component.count)]
+    servers = [Served(fmu, component, calls, arena, loop, wanted, zeros, members) for members in groups]
     link = zeros(8 * (mailbox.BOXES + len(servers))).view(np.int64)
     link[mailbox.SERVERS] = len(servers)
     link[mailbox.BOXES :] = [server.box.ctypes.data for server in servers]

@@ -4,7 +4,7 @@ Both processes have the arena at the same address, so a call is only its number 
 Each side writes its own cache lines. Who waits first spins, then yields its processor, then sleeps until it is woken;
 how long it spins follows from whether that helped, because where the other side has no processor, spinning takes it
 one.
-Like `cosim.engine`, this is one source for both engines.
+Like `cosim.engine.loop`, this is one source for both engines.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.fmu.layout import LINK, PLAN
-from cosim.memory import call, invoke, load, pause, reals_at, shared, store, words_at
+from cosim.fmu.fields import LINK, PLAN
+from cosim.machine.memory import call, invoke, load, pause, reals_at, shared, store, words_at
 
 OK, WARNING = 0, 1
 
@@ -39,7 +39,7 @@ STOP = -1
 
 # What `remote` finds behind its frame's third word: servers, which of them failed last, and their mailboxes' addresses.
 SERVERS, FAILED, BOXES = 0, 1, 2
-FRAME_WORDS = PLAN + 1  # of a frame, as of `cosim.fmu.layout`; PLAN is the number of the call here
+FRAME_WORDS = PLAN + 1  # of a frame, as of `cosim.fmu.fields`; PLAN is the number of the call here
 
 _SLEEP_SECONDS = 0.1
 _SPINNING, _LEAST = 300, 8  # pauses of some 40 ns

@@ -10,7 +10,8 @@ from functools import cache
 
 import numpy as np
 
-from cosim import compiler, native
+from cosim.compiling import compiler
+from cosim.machine import object_code
 
 ENTRIES, ENTRY_BYTES, TEXT_BYTES = 16, 512, 504  # an entry is a status word and a text
 FIRST_BYTES = 16  # how many messages there have been, and how many warnings; the first of these follows, then the ring
@@ -93,8 +94,8 @@ done:
 
 
 @cache
-def _library() -> native.Library:
-    triple, cpu, features = native.host()
+def _library() -> object_code.Library:
+    triple, cpu, features = object_code.host()
     by_pointer = "windows" in triple or ("darwin" in triple and "arm64" in triple)  # va_list is a plain pointer there
     ir = _IR.format(
         entries=ENTRIES,
@@ -106,7 +107,7 @@ def _library() -> native.Library:
         load="%given = load ptr, ptr %list" if by_pointer else "",
         arguments="%given" if by_pointer else "%list",
     )
-    return native.Library(compiler.emit(ir, triple, cpu, features, ("log2", "log3"), "logger"))
+    return object_code.Library(compiler.emit(ir, triple, cpu, features, ("log2", "log3"), "logger"))
 
 
 def logger(version: int) -> int:

@@ -11,29 +11,29 @@ from typing import Any
 
 import numpy as np
 
-from cosim import units
 from cosim.errors import CosimError, FmuError
-from cosim.fmu import layout
+from cosim.fmu import fields
+from cosim.language import units
 
 #: FMI type -> (our data type, how values travel, the word in the names of getter and setter)
 FMI2_TYPES: dict[str, tuple[Any, int, str]] = {
-    "Real": (np.float64, layout.FLOAT64, "Real"),
-    "Integer": (np.int32, layout.INTEGER32, "Integer"),
-    "Enumeration": (np.int32, layout.INTEGER32, "Integer"),
-    "Boolean": (np.bool_, layout.BOOLEAN32, "Boolean"),
-    "String": (object, layout.PLAIN, "String"),
+    "Real": (np.float64, fields.FLOAT64, "Real"),
+    "Integer": (np.int32, fields.INTEGER32, "Integer"),
+    "Enumeration": (np.int32, fields.INTEGER32, "Integer"),
+    "Boolean": (np.bool_, fields.BOOLEAN32, "Boolean"),
+    "String": (object, fields.PLAIN, "String"),
 }
 FMI3_TYPES: dict[str, tuple[Any, int, str]] = {
-    "Float64": (np.float64, layout.FLOAT64, "Float64"),
-    "Float32": (np.float32, layout.FLOAT32, "Float32"),
+    "Float64": (np.float64, fields.FLOAT64, "Float64"),
+    "Float32": (np.float32, fields.FLOAT32, "Float32"),
     **{
-        f"{u}{b}": (f"{u}{b}".lower(), layout.PLAIN, f"{u}{b}")
+        f"{u}{b}": (f"{u}{b}".lower(), fields.PLAIN, f"{u}{b}")
         for u in ("Int", "UInt")
         for b in ("8", "16", "32", "64")
     },
-    "Enumeration": (np.int64, layout.PLAIN, "Int64"),
-    "Boolean": (np.bool_, layout.PLAIN, "Boolean"),
-    "String": (object, layout.PLAIN, "String"),
+    "Enumeration": (np.int64, fields.PLAIN, "Int64"),
+    "Boolean": (np.bool_, fields.PLAIN, "Boolean"),
+    "String": (object, fields.PLAIN, "String"),
 }
 MOST_ELEMENTS = 10_000_000
 _LARGEST_REFERENCE = 2**32 - 1

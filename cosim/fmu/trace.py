@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim import floating
-from cosim.errors import CosimError, SlaveCrashed, SlaveFailed, SlaveHung, Terminated
-from cosim.fmu import layout, messages
+from cosim.errors import CosimError, FmuCrashed, FmuFailed, FmuHung, Terminated
+from cosim.fmu import fields, messages
+from cosim.machine import floating
 
 _NAMES, _NAME_BYTES = 64, 56
 
@@ -22,14 +22,14 @@ _NAMES, _NAME_BYTES = 64, 56
 class Trace:
     """The link that the adapter keeps, the names of the FMU's functions, and each instance's last messages.
 
-    fmu: a `cosim.fmu.importer.Fmu`. members: which of the slave's instances these are, from 0.
+    fmu: a `cosim.fmu.importer.Fmu`. members: which of the component's instances these are, from 0.
     """
 
-    def __init__(self, fmu: Any, slave: Any, members: range, zeros: Callable[[int], np.ndarray]) -> None:
+    def __init__(self, fmu: Any, component: Any, members: range, zeros: Callable[[int], np.ndarray]) -> None:
         self.fmu = fmu
-        self.slave = slave
+        self.component = component
         self.members = members
-        self.link = zeros(8 * layout.LINK_WORDS).view(np.int64)
+        self.link = zeros(8 * fields.LINK_WORDS).view(np.int64)
         self._names = zeros((8 + _NAME_BYTES) * _NAMES).view([("address", "i8"), ("name", f"S{_NAME_BYTES}")])
         rings = zeros(messages.RING_BYTES * len(members)).reshape(len(members), -1)
         self.messages = [messages.Messages(ring) for ring in rings]
@@ -48,38 +48,36 @@ class Trace:
     @contextmanager
     def calling(self, k: int, address: int) -> Iterator[None]:
         """Inside, a function of instance k is called (0: the library is loaded or left). See `values.bad`."""
-        self.link[layout.INSTANCE], self.link[layout.CALLING] = k, address
+        self.link[fields.INSTANCE], self.link[fields.CALLING] = k, address
         owner = os.getpid()
-        self.link[layout.CALLED] += 1
+        self.link[fields.CALLED] += 1
         try:
             with floating.kept():
                 yield
         finally:
             if os.getpid() != owner:
                 os._exit(0)
-            self.link[layout.CALLED] += 1
+            self.link[fields.CALLED] += 1
 
     @property
     def activity(self) -> int | None:
         """A number that changes with every call of the FMU; None while none is under way."""
-        called = int(self.link[layout.CALLED])
+        called = int(self.link[fields.CALLED])
         return called if called % 2 else None
 
     @property
     def failed(self) -> bool:
         """Whether a call of the loop's failed."""
-        return int(self.link[layout.STATUS]) > layout.WARNING
+        return int(self.link[fields.STATUS]) > fields.WARNING
 
-    def failure(
-        self, text: str, k: int, time: float, kind: type[SlaveFailed] = SlaveFailed, fix: str = ""
-    ) -> SlaveFailed:
+    def failure(self, text: str, k: int, time: float, kind: type[FmuFailed] = FmuFailed, fix: str = "") -> FmuFailed:
         """What went wrong with instance k at a time (s), with its last messages."""
-        message = f"block {self.slave.name} ({self._who(k)}) failed at t = {time:g} s: {text}{self._words(k)}"
-        return kind(message, self.slave.entry.type.position, fix)
+        message = f"block {self.component.name} ({self._who(k)}) failed at t = {time:g} s: {text}{self._words(k)}"
+        return kind(message, self.component.entry.type.position, fix)
 
     def _who(self, k: int) -> str:
         """The file, and which member of a fleet."""
-        return self.fmu.name + (f", {self.slave.fleet} {self.members[k] + 1}" if self.slave.fleet else "")
+        return self.fmu.name + (f", {self.component.fleet} {self.members[k] + 1}" if self.component.fleet else "")
 
     def _words(self, k: int) -> str:
         """The last messages of an instance."""
@@ -88,21 +86,21 @@ class Trace:
     @property
     def terminated(self) -> bool:
         """Whether an instance asked for the end of the simulation at a communication point."""
-        return bool(self.link[layout.ENDED])
+        return bool(self.link[fields.ENDED])
 
     def warnings(self) -> list[CosimError]:
         """What the instances warned of, and what was done to them that they may not have been made for."""
         texts = [text for text in (self._warned(), self._blurred()) if text]
-        return [CosimError(f"block {self.slave.name} {text}", self.slave.entry.type.position) for text in texts]
+        return [CosimError(f"block {self.component.name} {text}", self.component.entry.type.position) for text in texts]
 
     def _warned(self) -> str:
         """How often instances warned, who did first and when, and with what words."""
-        calls, logged = int(self.link[layout.WARNINGS]), sum(m.warnings for m in self.messages)
+        calls, logged = int(self.link[fields.WARNINGS]), sum(m.warnings for m in self.messages)
         if not calls and not logged:
             return ""
         talkers = [k for k, m in enumerate(self.messages) if m.warnings]
-        k = int(self.link[layout.WARNED]) - 1 if self.link[layout.WARNED] else talkers[0]
-        first = f"first at t = {self._real(layout.WARNED_AT):g} s"
+        k = int(self.link[fields.WARNED]) - 1 if self.link[fields.WARNED] else talkers[0]
+        first = f"first at t = {self._real(fields.WARNED_AT):g} s"
         parts = [f"{_times(calls, 'call')} returned a warning, {first}"] if calls else []
         parts += [f"{_times(logged, 'warning')} logged"] if logged else []
         said = next((self.messages[j].first_warning for j in (k, *talkers) if self.messages[j].warnings), "")
@@ -110,8 +108,8 @@ class Trace:
 
     def _blurred(self) -> str:
         """Of time events where the loop's method is less accurate than it is elsewhere."""
-        splits = int(self.link[layout.SPLITS])
-        if not splits or not self.link[layout.JOINT] or self.link[layout.STAGES] == 1:
+        splits = int(self.link[fields.SPLITS])
+        if not splits or not self.link[fields.JOINT] or self.link[fields.STAGES] == 1:
             return ""
         steps = _times(splits, "step")
         return f"({self.fmu.name}): time events inside {steps}, in whose stages other blocks saw its outputs of the end"
@@ -121,19 +119,19 @@ class Trace:
 
     def termination(self, k: int | None = None) -> Terminated:
         """Who asked for the end of the simulation, and when; k: the instance, if it was within a step."""
-        k = int(self.link[layout.ENDED]) - 1 if k is None else k
-        time = self._real(layout.ENDED_AT)
-        message = f"block {self.slave.name} ({self._who(k)}) ended the simulation at t = {time:g} s"
-        return Terminated(message + self._words(k), self.slave.entry.type.position)
+        k = int(self.link[fields.ENDED]) - 1 if k is None else k
+        time = self._real(fields.ENDED_AT)
+        message = f"block {self.component.name} ({self._who(k)}) ended the simulation at t = {time:g} s"
+        return Terminated(message + self._words(k), self.component.entry.type.position)
 
-    def ended(self, how: str, hung: bool, time: float) -> SlaveFailed:
+    def ended(self, how: str, hung: bool, time: float) -> FmuFailed:
         """How the process of these instances ended: in the function that was called last, or while loading."""
-        k = min(max(int(self.link[layout.INSTANCE]), 0), len(self.members) - 1)
-        name = self.name_of(int(self.link[layout.CALLING]))
+        k = min(max(int(self.link[fields.INSTANCE]), 0), len(self.members) - 1)
+        name = self.name_of(int(self.link[fields.CALLING]))
         where = f" in {name}()" if name else " while its binary was loaded"
         if hung:
-            return self.failure(f"{how}{where}", k, time, SlaveHung, "where it only is slow, raise `run.patience` (s)")
-        return self.failure(f"{how}{where}", k, time, SlaveCrashed)
+            return self.failure(f"{how}{where}", k, time, FmuHung, "where it only is slow, raise `run.patience` (s)")
+        return self.failure(f"{how}{where}", k, time, FmuCrashed)
 
 
 def _times(count: int, what: str) -> str:

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import PlotError
-from cosim.grammar import endpoint
+from cosim.language.grammar import endpoint
 from cosim.plot import style
 from cosim.plot.plane import Body, bodies, read_beside, read_positions
-from cosim.results import Result
+from cosim.results.result_file import Result
 
 FORMATS = ("gif", "html")
 DOTS = 90

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cosim import grammar, source
 from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
-from cosim.grammar import Reader
+from cosim.language import grammar, source
+from cosim.language.grammar import Reader
+from cosim.language.source import Node, describe
 from cosim.plot import lines, plane, style
 from cosim.plot.distribution import Distribution
 from cosim.plot.lines import Panel
 from cosim.plot.plane import Plane
-from cosim.results import Result
-from cosim.source import Node, describe
+from cosim.results.result_file import Result
 
 HEIGHTS = 0.5, 20.0
 """Inches of one panel: below, its labels do not fit; beyond, it fits no screen and no page."""

@@ -11,7 +11,7 @@ import numpy as np
 from cosim.errors import PlotError, Position
 from cosim.plot import style
 from cosim.plot.signals import Curve, curves
-from cosim.results import Result
+from cosim.results.result_file import Result
 
 DECADES = 2.5
 """A positive curve that spans more decades than this is drawn on a logarithmic axis, if nothing else is said."""

@@ -12,7 +12,7 @@ import numpy as np
 from cosim.errors import PlotError, Position
 from cosim.plot import style
 from cosim.plot.signals import read
-from cosim.results import Result
+from cosim.results.result_file import Result
 
 _BESIDE = {"references": (2, 2), "radii": (1, 0), "neighbours": (2, 1), "weights": (2, 1)}
 """What goes with bodies: how many axes it has, and how many elements along the second one at least."""

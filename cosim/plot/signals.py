@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import PlotError
-from cosim.results import Result, Signal
+from cosim.results.result_file import Result, Signal
 
 _ELEMENT = re.compile(r"(?P<name>[^\[\]]+)(\[(?P<index>[\d,\s:]+)\])?")
 

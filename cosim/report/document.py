@@ -14,17 +14,17 @@ from string import Template
 
 import numpy as np
 
-from cosim import files
 from cosim.errors import PlotError, ResultError
+from cosim.machine import files
 from cosim.plot import distribution
 from cosim.plot.figures import Figure
 from cosim.report import words
-from cosim.results import versions
-from cosim.study import names, running, tables
+from cosim.results.result_file import versions
+from cosim.study import file_names, running, tables
 from cosim.study.dataset import scalar
+from cosim.study.definition import Study
 from cosim.study.executors import processors
-from cosim.study.member import Row
-from cosim.study.model import Study
+from cosim.study.member_run import Row
 from cosim.study.running import Results
 from cosim.study.tables import Table
 
@@ -126,7 +126,7 @@ def _pictures(results: Results, rows: list[Row], pictures: str) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         for figure in results.study.figures:
             if pictures:
-                _draw(figure, results, rows, recorded, results.folder / f"{names.stem(figure.name)}.{pictures}")
+                _draw(figure, results, rows, recorded, results.folder / f"{file_names.stem(figure.name)}.{pictures}")
             file = Path(folder) / "figure.svg"
             _draw(figure, results, rows, recorded, file)
             found.append(_picture(figure, file))

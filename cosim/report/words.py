@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.formatting import format_value
+from cosim.results.formatting import format_value
 from cosim.study.dataset import scalar
-from cosim.study.member import Row
-from cosim.study.model import Column, Question, Study
+from cosim.study.definition import Column, Question, Study
+from cosim.study.member_run import Row
 from cosim.study.running import FAILED
 from cosim.study.tables import cell, heading, satisfies, with_statistic
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 from cosim.errors import MetricError, PlotError, Position, Problems, TooLarge, UnknownSetting, WrongValue, nearest
-from cosim.network import Network
+from cosim.language.source import Node
 from cosim.plot.figures import Figure
-from cosim.source import Node
-from cosim.study import names, plan
-from cosim.study.model import Study
+from cosim.study import file_names, plan
+from cosim.study.definition import Study
+from cosim.wiring.network import Network
 
 OWN = ("variant", "draw", "status", "reason", "steps", "seconds", "conditions")
 """What the data set of every study has; a metric of such a name would take its place."""
@@ -35,9 +35,9 @@ def _variants(variants: Mapping[str, Node], problems: Problems) -> None:
     known: dict[str, str] = {}
     for name, node in variants.items():
         fix = "letters, digits, spaces, _ and -, beginning with a letter or digit"
-        if flaw := names.flaw(name):
+        if flaw := file_names.flaw(name):
             problems.add(WrongValue(f"a variant cannot be called {name!r}: {flaw}", node.place, fix))
-        elif (same := names.folded(name)) in known:
+        elif (same := file_names.folded(name)) in known:
             message = f"the variants `{known[same]}` and `{name}` have one name where letter case does not count"
             problems.add(WrongValue(message, node.place, "rename one of them"))
         else:
@@ -101,7 +101,7 @@ def _titles(study: Study, problems: Problems) -> None:
     for things in ([(t.title, t.node.place) for t in study.tables], [(f.name, f.position) for f in study.figures]):
         known: dict[str, str] = {}
         for title, place in things:
-            stem = names.stem(title)
+            stem = file_names.stem(title)
             if stem in known:
                 message = f"`{known[stem]}` and `{title}` would be written to one file, `{stem}`"
                 problems.add(WrongValue(message, place, "give them titles that differ in letters or digits"))

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ResultError
-from cosim.results import NOT_A_VARIABLE, versions
-from cosim.study.description import short_name
-from cosim.study.member import Row
-from cosim.study.model import Study
+from cosim.results.result_file import NOT_A_VARIABLE, versions
+from cosim.study.definition import Study
+from cosim.study.member_run import Row
 from cosim.study.running import Results
+from cosim.study.study_file import short_name
 
 Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 

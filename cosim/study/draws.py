@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from cosim import sizes
 from cosim.errors import NoAcceptedDraw
-from cosim.study.model import Draw, Random
+from cosim.study.definition import Draw, Random
+from cosim.wiring import sizes
 
 TRIALS = 10_000
 """Points without an accepted one after which the search is given up."""

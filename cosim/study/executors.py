@@ -18,10 +18,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from cosim import interruption
 from cosim.errors import ClusterError
-from cosim.study import description, member
-from cosim.study.member import Row
+from cosim.machine import interruption
+from cosim.study import member_run, study_file
+from cosim.study.member_run import Row
 from cosim.study.plan import Member
 from cosim.study.variants import Variants
 
@@ -135,9 +135,9 @@ def run_elsewhere(path: str, settings: tuple[str, ...], chosen: Member, file: Pa
         _variants.cache_clear()
         variants = _variants(path, settings)
         prepared = variants.prepared(chosen)
-    return member.run(variants, chosen, file, _watch, prepared)
+    return member_run.run(variants, chosen, file, _watch, prepared)
 
 
 @lru_cache(maxsize=4)
 def _variants(path: str, settings: tuple[str, ...]) -> Variants:
-    return Variants(description.load(path, settings))
+    return Variants(study_file.load(path, settings))

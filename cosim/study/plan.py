@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cosim.errors import UnknownSetting
+from cosim.study.definition import Study
 from cosim.study.draws import Draws
-from cosim.study.model import Study
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError
-from cosim.metrics import from_json
-from cosim.source import Node
-from cosim.study import executors, member, plan
+from cosim.language.source import Node
+from cosim.results.metrics import from_json
+from cosim.study import executors, member_run, plan
+from cosim.study.definition import Study
 from cosim.study.draws import Draws
-from cosim.study.member import Row
-from cosim.study.model import Study
+from cosim.study.member_run import Row
 from cosim.study.plan import Member
 from cosim.study.store import Store
 from cosim.study.variants import Prepared, Variants
@@ -77,7 +77,7 @@ class Results:
         """The files with the signals of those members that have recorded them."""
         members = zip(plan.members(self.study, self.draws), self.keys, strict=True)
         named = [(chosen.name, member_file(self.folder, chosen), key) for chosen, key in members]
-        return {name: file for name, file, key in named if key and member.holds(file, key)}
+        return {name: file for name, file, key in named if key and member_run.holds(file, key)}
 
     def rows(self) -> Iterator[Row]:
         """Every member's row, read from the store one by one."""
@@ -118,7 +118,7 @@ def run_one(study: Study, name: str, folder: Path) -> tuple[Member, Row]:
     chosen = plan.find(study, variants.draws(), name)
     if study.record is None:
         study.record = Node({}, next(iter(study.variants.values())).diagram_position)
-    row = member.run(variants, chosen, member_file(folder, chosen), lambda time: None)
+    row = member_run.run(variants, chosen, member_file(folder, chosen), lambda time: None)
     return chosen, {**row, "metrics": from_json(row["metrics"])}
 
 
@@ -149,7 +149,7 @@ def _run_here(executor: Executor, results: Results, stop: threading.Event, job: 
         if stop.is_set():
             raise KeyboardInterrupt
 
-    return executor.submit(member.run, results.variants, job.member, job.file, watch, job.prepared)
+    return executor.submit(member_run.run, results.variants, job.member, job.file, watch, job.prepared)
 
 
 def _run_elsewhere(executor: Executor, study: Study, options: Options, job: Job) -> Future[Row]:
@@ -198,7 +198,7 @@ def _row(job: Job, future: Future[Row]) -> Row:
     except CosimError:
         raise
     except Exception as error:
-        row = member.lost(f"{type(error).__name__}: {error}")
+        row = member_run.lost(f"{type(error).__name__}: {error}")
     return {"key": job.key, **identity(job.member), **row}
 
 
@@ -212,12 +212,12 @@ def _jobs(results: Results, folder: Path) -> Iterator[Job]:
             prepared = results.variants.prepared(chosen)
         except CosimError as error:
             results.keys.append(None)
-            results.refused[number] = member.lost(error.message)
+            results.refused[number] = member_run.lost(error.message)
             continue
         key = prepared.key
         results.keys.append(key)
         file = member_file(folder, chosen) if study.records else None
-        done = key in store or key in under_way if file is None else key in store and member.holds(file, key)
+        done = key in store or key in under_way if file is None else key in store and member_run.holds(file, key)
         if done:
             results.reused += 1
             continue

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ResultError
-from cosim.metrics import REDUCTIONS, reduction
-from cosim.source import Node
-from cosim.study import names
+from cosim.language.source import Node
+from cosim.results.metrics import REDUCTIONS, reduction
+from cosim.study import file_names
 from cosim.study.dataset import metric_names, scalar
-from cosim.study.member import Row
-from cosim.study.model import OVER_RUNS, Column, Study, TableLayout
+from cosim.study.definition import OVER_RUNS, Column, Study, TableLayout
+from cosim.study.member_run import Row
 from cosim.study.running import FAILED, Results
 
 
@@ -47,7 +47,7 @@ def tables(results: Results) -> list[Table]:
 def write(results: Results, made: Sequence[Table]) -> None:
     """Write each table as CSV, with all digits, and as Markdown, beside the study's data set. Raises: ResultError."""
     for table in made:
-        path = results.folder / f"{names.stem(table.title)}.md"
+        path = results.folder / f"{file_names.stem(table.title)}.md"
         try:
             path.write_text(markdown(table), encoding="utf-8")
             path = path.with_suffix(".csv")

@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim import diagram, overlay, simulation, table, wiring
-from cosim.block import Input, Parameter, State
+from cosim.authoring.variables import Input, Parameter, State
+from cosim.engine import simulation, table
+from cosim.engine.simulation import Kernels, Simulation
+from cosim.engine.table import Table
 from cosim.errors import (
     CosimError,
     DiagramErrors,
@@ -28,15 +30,15 @@ from cosim.errors import (
     WrongShape,
     nearest,
 )
-from cosim.simulation import Kernels, Simulation
-from cosim.source import Node
-from cosim.study import consistency, key, plan
+from cosim.language import diagram, overlay
+from cosim.language.source import Node
+from cosim.language.values import Value
+from cosim.study import consistency, member_key, plan
+from cosim.study.definition import Draw, Study, Variant
 from cosim.study.draws import Draws
-from cosim.study.model import Draw, Study, Variant
 from cosim.study.plan import Member
-from cosim.table import Table
-from cosim.values import Value
-from cosim.wiring import Network, Signal
+from cosim.wiring import resolution
+from cosim.wiring.resolution import Network, Signal
 
 Settings = tuple[tuple[str, Any], ...]
 
@@ -62,7 +64,7 @@ class Prepared:
     @property
     def key(self) -> str:
         """What its result depends on, as a digest."""
-        return key.key(self.shared, self.network, self.table)
+        return member_key.key(self.shared, self.network, self.table)
 
 
 class Template:
@@ -75,7 +77,7 @@ class Template:
         for module in (*self.kernels.modules.values(), self.kernels.loop):
             if module:
                 module.load()  # here, where no other thread is loading
-        self.shared = key.structure(network, self.table, self.kernels)
+        self.shared = member_key.structure(network, self.table, self.kernels)
 
     def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
         """With other values, of the shapes that the template was wired with. Raises: DiagramErrors, ExpressionError."""
@@ -87,7 +89,7 @@ class Template:
                 new = as_node(value, positions[path])
                 contents[address.signal] = _with_element(before, address.indices, new) if address.indices else new
         values = {signal: Value.read(node, str(signal)) for signal, node in contents.items()}
-        network = wiring.revalue(self.network, values)
+        network = resolution.revalue(self.network, values)
         return Prepared(network, self.table.revalued(network, values), self.kernels, self.shared)
 
 
@@ -193,7 +195,7 @@ class Variants:
                 tree = overlay.set_value(tree, path, as_node(value, self.positions[path]), self.positions[path])
             except CosimError as error:
                 problems.add(error)
-        return wiring.wire(diagram.build(tree, files, problems), problems)
+        return resolution.wire(diagram.build(tree, files, problems), problems)
 
     def _tree(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:
         """A variant's layers, merged; with the study's metrics, and with the recording that it asks for."""
@@ -277,7 +279,7 @@ class _Beginnings:
 
 def has_foreign(network: Network) -> bool:
     """Whether FMUs are among the blocks."""
-    return any(slave.declaration.foreign for slave in network.slaves.values())
+    return any(component.declaration.foreign for component in network.components.values())
 
 
 def address_of(network: Network, path: str) -> Address | None:
@@ -285,14 +287,14 @@ def address_of(network: Network, path: str) -> Address | None:
     parts = path.split(".")
     if len(parts) < 4 or parts[0] != "blocks" or parts[2] not in ("parameters", "start"):
         return None
-    slave = network.slaves.get(parts[1])
-    if slave is None:
+    component = network.components.get(parts[1])
+    if component is None:
         return None
     classes = Parameter if parts[2] == "parameters" else (State, Input)
     for end in range(len(parts), 3, -1):
         name, rest = ".".join(parts[3:end]), parts[end:]
-        known = isinstance(slave.declaration.variables.get(name), classes)
-        if known and name not in slave.wires and all(part.isdecimal() for part in rest):
+        known = isinstance(component.declaration.variables.get(name), classes)
+        if known and name not in component.wires and all(part.isdecimal() for part in rest):
             return Address(Signal(parts[1], name), parts[2], tuple(map(int, rest)))
     return None
 
@@ -306,12 +308,12 @@ def as_node(value: Any, position: Position) -> Node:
 
 def _written(network: Network, address: Address) -> Node:
     """What the diagram says of a value, or else the block's default."""
-    slave, name = network.slaves[address.signal.slave], address.signal.variable
-    entries = getattr(slave.entry, address.section)
+    component, name = network.components[address.signal.component], address.signal.variable
+    entries = getattr(component.entry, address.section)
     if name in entries:
         return entries[name]
-    default = slave.declaration.variables[name].start
-    return as_node(np.asarray(default).tolist() if np.ndim(default) else default, slave.entry.position)
+    default = component.declaration.variables[name].start
+    return as_node(np.asarray(default).tolist() if np.ndim(default) else default, component.entry.position)
 
 
 def _with_element(node: Node, indices: tuple[int, ...], new: Node) -> Node:

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from cosim.block import Course
+from cosim.authoring.rules import Course
 from cosim.blocks.controller import SlidingModeController
 from cosim.blocks.network_spectrum import network_extremes
 from cosim.blocks.stability_conditions import (
@@ -16,7 +16,7 @@ from cosim.blocks.stability_conditions import (
     topology_slow,
     topology_slow_along,
 )
-from cosim.rules import Source
+from cosim.wiring.conditions import Source
 
 RING = np.array([[4], [3], [1], [5], [6], [2]], np.int32)
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import run
 from cosim.blocks import cell_grid
 from cosim.blocks.agreement import agrees, radii_agree
 from cosim.blocks.differentiator_errors import DifferentiatorErrors
@@ -18,8 +17,9 @@ from cosim.blocks.range_topology import RangeTopology
 from cosim.blocks.separation import Separation
 from cosim.blocks.topology_rate import TopologyRate
 from cosim.blocks.ultimate_bounds import UltimateBounds
+from cosim.engine import run
 from cosim.errors import CosimError, DiagramErrors
-from cosim.rules import Source
+from cosim.wiring.conditions import Source
 
 DIAGRAMS = Path(__file__).parents[2] / "diagrams"
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cosim import run
-from cosim.block import Course
+from cosim.authoring.rules import Course
 from cosim.blocks import network_spectrum
 from cosim.blocks.network_spectrum import NotJudged, lower_ends, network_extremes
 from cosim.blocks.stability_conditions import formation_reached_along, topology_slow_along
-from cosim.rules import Source
+from cosim.engine import run
+from cosim.wiring.conditions import Source
 
 DIAGRAMS = Path(__file__).parents[2] / "diagrams"
 
@@ -135,8 +135,8 @@ def test_sparse_linear_algebra_agrees_where_dense_would_do(robots, seed, graph, 
 @pytest.mark.parametrize("name", sorted(path.name for path in DIAGRAMS.glob("*.yaml")))
 def test_extremes_of_the_shipped_fleets(name):
     network = run.load(DIAGRAMS / name, code=False)
-    slaves = network.slaves.values()
-    graphs = [slave.values["hears"][0] for slave in slaves if "hears" in slave.values]
+    components = network.components.values()
+    graphs = [component.values["hears"][0] for component in components if "hears" in component.values]
     for hears in graphs:
         agrees(hears, np.full(len(hears), 2.0))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cosim.block import Course
+from cosim.authoring.rules import Course
 from cosim.blocks.finite_time_observer import FiniteTimeObserver
 from cosim.blocks.neural_observer import NeuralObserver
 from cosim.blocks.radial_basis import activations, equal_spacing, weighted_sum

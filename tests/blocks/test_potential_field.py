@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.blocks.potential_field import PotentialField, outer_boundary_in_range, repulsion
-from cosim.rules import Source
+from cosim.wiring.conditions import Source
 
 RADII = np.array([0.24, 0.30, 0.23, 0.31])
 ALL = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]], np.int32)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim import order, run
+from cosim.engine import run
 from cosim.errors import DiagramErrors, FmuError
+from cosim.wiring import order
 
 PLANT = """
 title: machine
@@ -60,12 +61,14 @@ def test_plain_cosimulation_delays_feedthrough_by_one_step(plant, trajectories, 
 
 
 def test_the_delay_is_a_finding(plant):
-    from cosim import rules
+    from cosim.wiring import conditions
 
-    findings = {f.slave: f.numbers for f in rules.conditions(plant("2", "co-simulation")) if "one step" in f.numbers}
+    findings = {
+        f.component: f.numbers for f in conditions.conditions(plant("2", "co-simulation")) if "one step" in f.numbers
+    }
     assert findings == {"plant": "y on u; m on n; off on on: one step of delay"}
     for kind, mode in DIRECT:
-        assert not [f for f in rules.conditions(plant(kind, mode)) if "one step" in f.numbers]
+        assert not [f for f in conditions.conditions(plant(kind, mode)) if "one step" in f.numbers]
 
 
 @pytest.mark.parametrize(("kind", "mode"), DIRECT[1:])
@@ -221,6 +224,6 @@ def test_outputs_that_depend_on_no_input_break_a_loop(machines, partners, trajec
           plant: {{fmu: {machines["2"]}, mode: model-exchange, inputs: {{u: lag.y}}, start: {{x: 1}}}}
         """)
     )
-    tasks = [t.slave for t in order.evaluation_order(network) if t.function == "outputs" or t.slave == "plant"]
+    tasks = [t.component for t in order.evaluation_order(network) if t.function == "outputs" or t.component == "plant"]
     assert tasks.index("lag") < len(tasks) - 1
     assert np.all(np.isfinite(trajectories(network, "lag.y")["lag.y"]))

@@ -8,9 +8,10 @@ import threading
 import numpy as np
 import pytest
 
-from cosim import run, supervision
-from cosim.errors import SlaveFailed, TooManyInstances, WrongValue
-from cosim.run import Run
+from cosim.engine import run
+from cosim.engine.run import Run
+from cosim.errors import FmuFailed, TooManyInstances, WrongValue
+from cosim.machine import supervision
 
 DISCARD, ERROR, FATAL, NAN, EARLY, END, WARN, REFUSE = 1, 2, 3, 4, 5, 6, 7, 8
 EARLY_AT_END = -1
@@ -56,7 +57,7 @@ def failing(machines, partners, tmp_path):
 )
 def test_a_failed_step_stops_the_run(failing, kind, mode, fault, word, said, engine):
     outcome, recorded = failing(kind, mode, fault, engine)
-    assert isinstance(outcome.error, SlaveFailed)
+    assert isinstance(outcome.error, FmuFailed)
     text = str(outcome.error)
     assert f"block plant (machine{kind[0]}.fmu, robot 2) failed at t = 0.5 s" in text
     assert f"fmi{kind[0]}DoStep() returned `{word}`" in text

@@ -10,8 +10,10 @@ import json
 import numpy as np
 import pytest
 
-from cosim import cli, results, run
-from cosim.run import Run
+from cosim.engine import run
+from cosim.engine.run import Run
+from cosim.results import result_file
+from cosim.terminal import cli
 from tests.fmu import stair
 from tests.fmu.conftest import PARTNERS
 
@@ -164,7 +166,7 @@ def test_an_end_at_a_point_keeps_its_sample(diagram, tmp_path, capfd, version, s
     assert "error" not in told
     ended = [w for w in told["warnings"] if "ended the simulation at t = 3 s" in w]
     assert len(ended) == 1 and f"block plant (stair{version}.fmu, robot 1)" in ended[0]
-    with results.open_result(output) as result:
+    with result_file.open_result(output) as result:
         assert result.attrs["status"] == "terminated"
         assert np.array_equal(result.times, 0.25 * np.arange(13))
         assert np.array_equal(result["plant.counter"][:, 0], counted(np.array(result.times), 1))
@@ -185,12 +187,10 @@ def test_an_end_at_the_end_is_completion(diagram):
 
 
 def test_a_study_says_which_runs_an_fmu_ended(diagram, write, tmp_path):
-    from cosim.study import description, running
+    from cosim.study import running, study_file
 
     diagram(3, 1, stop=6, last=4)
-    study = description.load(
-        write("{diagram: diagram.yaml, grid: {blocks.plant.parameters.last: [4, 1000]}}", "s.yaml")
-    )
+    study = study_file.load(write("{diagram: diagram.yaml, grid: {blocks.plant.parameters.last: [4, 1000]}}", "s.yaml"))
     rows = list(running.run(study, running.Options(tmp_path / "results")).rows())
     assert [row["status"] for row in rows] == ["terminated", "completed"]
     assert "block plant (stair3.fmu, robot 2) ended the simulation at t = 2.1 s" in rows[0]["reason"]

@@ -14,7 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import cli, results, supervision
+from cosim.machine import supervision
+from cosim.results import result_file
+from cosim.terminal import cli
 from tests.fmu import machine
 
 DISCARD, ERROR, NAN, SEGFAULT, HANG, ABORT, EXIT, CLOSE = 1, 2, 4, 9, 10, 12, 13, 14
@@ -44,7 +46,7 @@ class Told:
         self.code, self.err = code, err
         self.json = json.loads(out)
         self.text = re.sub(r"\s+", " ", self.json["error"])
-        with results.open_result(output) as result:
+        with result_file.open_result(output) as result:
             self.status = result.attrs["status"]
             self.times = np.array(result.times)
             self.signals = {name: np.array(result[name]) for name in ("source.u",)}
@@ -284,10 +286,10 @@ def test_a_crash_in_a_native_block_says_who_else_was_there(told, machines, tmp_p
 
 def test_only_the_time_inside_an_fmu_is_its_own(machines, partners):
     """What this program does itself, such as filling its tables for 100,000 outputs, is never taken for a hang."""
-    from cosim import run
-    from cosim.fmu import layout
-    from cosim.hosts import Watch
-    from cosim.run import Run
+    from cosim.engine import run
+    from cosim.engine.hosts import Watch
+    from cosim.engine.run import Run
+    from cosim.fmu import fields
 
     simulation = Run(run.load(partners(diagram(machines["2"], 0)))).simulation
     (part,) = simulation._parts["plant"]
@@ -297,7 +299,7 @@ def test_only_the_time_inside_an_fmu_is_its_own(machines, partners):
         with part.trace.calling(0, 0):
             first = watch.activity()
             assert first is not None
-            part.trace.link[layout.CALLED] += 2
+            part.trace.link[fields.CALLED] += 2
             assert watch.activity() != first
         assert watch.activity() is None
     assert simulation.warnings() == []

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import results, run
-from cosim.fmu.export import export
+from cosim.engine import run
+from cosim.export.exporter import export_fmu
+from cosim.results import result_file
 
 DIAGRAMS = Path(__file__).parents[2] / "diagrams"
 STACK = ["observer", "differentiator", "topology", "potential_field", "controller"]
@@ -33,7 +34,7 @@ def recorded(folder):
         output = folder / "results" / f"{abs(hash((name, swaps, settings)))}.nc"
         outcome = run.Run(run.load(folder / name, settings, swaps), output=output).execute()
         assert outcome.status == "completed", outcome.error
-        with results.open_result(output) as result:
+        with result_file.open_result(output) as result:
             return {signal: result[signal] for signal in result.signals}
 
     return record
@@ -52,21 +53,23 @@ def test_the_finite_time_observer_alone_and_with_other_blocks_of_states(recorded
     """As Co-Simulation: all their outputs are states."""
     swaps = []
     for block in ("observer", "plant", "differentiator"):
-        path = export(folder / "oft_observer.yaml", [block], folder / f"{block}_{version[0]}.fmu", version)
+        path = export_fmu(
+            run.load(folder / "oft_observer.yaml"), [block], folder / f"{block}_{version[0]}.fmu", version
+        )
         swaps.append(f"{block}={path}")
         assert_same(recorded("oft_observer.yaml", tuple(swaps)), recorded("oft_observer.yaml"))
 
 
 def test_the_whole_control_stack_as_one_fmu(recorded, folder):
-    export(folder / "formation.yaml", STACK, folder / "fmus" / "stack.fmu", "3.0")
+    export_fmu(run.load(folder / "formation.yaml"), STACK, folder / "fmus" / "stack.fmu", "3.0")
     for mode in ("co-simulation", "model-exchange"):
         got = recorded("fmus/control_stack.yaml", (), (f"blocks.stack.mode={mode}",))
         assert_same(got, recorded("formation.yaml"))
 
 
 def test_robots_that_are_fmus_and_a_mixed_fleet(recorded, folder):
-    export(folder / "formation.yaml", ["plant"], folder / "fmus" / "robot.fmu")
-    export(folder / "formation.yaml", ["plant"], folder / "fmus" / "sixth.fmu", member=6)
+    export_fmu(run.load(folder / "formation.yaml"), ["plant"], folder / "fmus" / "robot.fmu")
+    export_fmu(run.load(folder / "formation.yaml"), ["plant"], folder / "fmus" / "sixth.fmu", member=6)
     expected = recorded("formation.yaml")
     assert_same(recorded("fmus/plant.yaml"), expected)
     mixed = recorded("fmus/mixed_fleet.yaml", (), ("record.signals=[plant.x, sixth.x, controller.u, formation.S]",))

@@ -12,10 +12,12 @@ import zipfile
 import numpy as np
 import pytest
 
-from cosim import floating, results, run, supervision
+from cosim.engine import run
+from cosim.engine.run import Run
+from cosim.export.exporter import export_fmu
 from cosim.fmu import messages
-from cosim.fmu.export import export
-from cosim.run import Run
+from cosim.machine import floating, supervision
+from cosim.results import result_file
 from tests.fmu import guest
 from tests.fmu.fmu_host import Host
 
@@ -54,7 +56,7 @@ def outcome(partners, guests, tmp_path):
         path = partners(DIAGRAM.format(fmu=guests[name], what=what, where=where, isolated=isolated))
         output = tmp_path / "result.nc"
         ended = Run(run.load(path), engine, output).execute()
-        with results.open_result(output) as result:
+        with result_file.open_result(output) as result:
             return ended, np.array(result.times), np.array(result["neighbour.x"]), np.array(result["guest.y"])
 
     return rows
@@ -107,7 +109,7 @@ def test_what_this_process_has_loaded_before_is_no_matter(partners, trajectories
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_an_exported_fmu_computes_the_same_whatever_the_importers_control_word_is(partners, tmp_path, version):
     path = partners("run: {stop: 0.6, step: 0.01}\nblocks:\n  neighbour: {type: Sensitive}\n")
-    host = Host(export(path, [], tmp_path / "neighbour.fmu", version)).initialize()
+    host = Host(export_fmu(run.load(path), [], tmp_path / "neighbour.fmu", version)).initialize()
     fenv, found = ctypes.CDLL(None), []
     for k in range(61):
         with floating.kept():

@@ -7,12 +7,12 @@ import re
 import numpy as np
 import pytest
 
-from cosim import run
-from cosim.block import Input, Local, Output, Parameter, State
-from cosim.entry import BlockEntry
+from cosim.authoring.variables import Input, Local, Output, Parameter, State
+from cosim.engine import run
 from cosim.errors import DiagramErrors, FmuError, Position, UnknownPort, WrongValue
 from cosim.fmu import importer, inspect
-from cosim.source import Node
+from cosim.language.entry import BlockEntry
+from cosim.language.source import Node
 from tests.fmu import machine
 
 HERE = Position("diagram.yaml", 1, 1)
@@ -141,11 +141,11 @@ def test_a_swap_keeps_what_the_fmu_has_and_forgets_the_rest(machines, partners):
           plant: {type: Lag, inputs: {u: source.u}, parameters: {T: 2}, start: {x: 0.5}}
         """)
     for name in ("2", "3e"):
-        slave = run.load(path, swaps=[f"plant={machines[name]}"]).slaves["plant"]
-        assert slave.values["T"][0] == 2.0
-        assert slave.values["x"][0] == 0.5
-        assert [str(s) for s in slave.wires["u"]] == ["source.u"]
-        assert slave.given == {"T", "x"}
+        component = run.load(path, swaps=[f"plant={machines[name]}"]).components["plant"]
+        assert component.values["T"][0] == 2.0
+        assert component.values["x"][0] == 0.5
+        assert [str(s) for s in component.wires["u"]] == ["source.u"]
+        assert component.given == {"T", "x"}
 
 
 def test_names_are_checked_like_those_of_any_block(machines, partners):
@@ -165,7 +165,7 @@ def test_names_are_checked_like_those_of_any_block(machines, partners):
 
 
 def test_an_input_that_is_left_at_its_start_value_is_a_finding(machines, partners):
-    from cosim import rules
+    from cosim.wiring import conditions
 
     network = run.load(
         partners(f"""
@@ -173,7 +173,7 @@ def test_an_input_that_is_left_at_its_start_value_is_a_finding(machines, partner
         blocks: {{plant: {{fmu: {machines["2"]}, start: {{n: 3, on: true, color: 2}}}}}}
         """)
     )
-    assert "held: u = 0.0" in [f.numbers for f in rules.conditions(network)]
+    assert "held: u = 0.0" in [f.numbers for f in conditions.conditions(network)]
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_an_fmu_for_scheduled_execution_can_be_looked_at(tmp_path):
     ],
 )
 def test_a_description_that_makes_no_sense_is_told_by_name(tmp_path, capsys, edit):
-    from cosim import cli
+    from cosim.terminal import cli
 
     assert cli.main(["fmu", str(machine.build(tmp_path / "senseless", 2, "cs", edit=edit))]) == 2
     assert "`machine2.fmu`" in capsys.readouterr().err
@@ -299,7 +299,7 @@ def test_an_array_of_scalars_is_put_in_order_once(described, monkeypatch):
 
 
 def test_the_command_prints_it(machines, capsys):
-    from cosim import cli
+    from cosim.terminal import cli
 
     assert cli.main(["fmu", str(machines["2"])]) == 0
     assert "linux64 (runs here)" in capsys.readouterr().out

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import yaml
 
-from cosim import rules, run
-from cosim.fmu.export import export
+from cosim.engine import run
+from cosim.export.exporter import export_fmu
+from cosim.wiring import conditions
 
 STOP = "run.stop=30"
 STATES = ("plant", "differentiator")  # blocks all of whose outputs are states
@@ -29,7 +30,7 @@ def exported(tmp_path_factory):
     def fmu(formation, block: str, version: str):
         if (block, version) not in made:
             name = f"{block}_{version[0]}.fmu"
-            made[block, version] = export(formation, [block], folder / name, version)
+            made[block, version] = export_fmu(run.load(formation), [block], folder / name, version)
         return made[block, version]
 
     return fmu
@@ -76,7 +77,7 @@ def test_any_block_as_model_exchange(swapped, blocks, version):
 def test_feedthrough_as_fmi2_cosimulation_is_delayed_and_said_to_be(swapped, formation, exported):
     assert not swapped(("observer",), "2.0", "co-simulation")
     network = run.load(formation, [STOP], [f"observer={exported(formation, 'observer', '2.0')}"])
-    finding = next(f for f in rules.conditions(network) if f.slave == "observer" and not f.holds)
+    finding = next(f for f in conditions.conditions(network) if f.component == "observer" and not f.holds)
     assert "w_hat on x" in finding.numbers
     assert "one step of delay" in finding.numbers
     outcome = run.Run(network).execute()

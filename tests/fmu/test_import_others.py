@@ -9,10 +9,10 @@ import textwrap
 import numpy as np
 import pytest
 
-from cosim import run
-from cosim.errors import SlaveFailed
+from cosim.engine import run
+from cosim.engine.run import Run
+from cosim.errors import FmuFailed
 from cosim.fmu import inspect
-from cosim.run import Run
 
 LAG2 = """
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real, String
@@ -87,16 +87,16 @@ class PythonOscillator(Fmi3SlaveBase, ModelExchange):
 
 @pytest.fixture(scope="session")
 def others(tmp_path_factory):
-    """The FMUs of these slaves by name."""
+    """The FMUs of these components by name."""
     folder = tmp_path_factory.mktemp("others")
-    slaves = {"PythonLag2": LAG2, "PythonLag3": LAG3, "PythonOscillator": OSCILLATOR}
-    for name, code in slaves.items():
+    components = {"PythonLag2": LAG2, "PythonLag3": LAG3, "PythonOscillator": OSCILLATOR}
+    for name, code in components.items():
         tool = "pythonfmu" if name.endswith("2") else "pythonfmu3"
         pytest.importorskip(tool)
         (folder / f"{name}.py").write_text(textwrap.dedent(code))
         command = [sys.executable, "-m", tool, "build", "-f", f"{name}.py", "-d", "."]
         subprocess.run(command, check=True, cwd=folder, capture_output=True)
-    return {name: folder / f"{name}.fmu" for name in slaves}
+    return {name: folder / f"{name}.fmu" for name in components}
 
 
 @pytest.mark.parametrize("name", ["PythonLag2", "PythonLag3"])
@@ -167,7 +167,7 @@ def test_an_exception_in_python_stops_the_run_with_its_words(others, partners, n
         """)
         )
     ).execute()
-    assert isinstance(outcome.error, SlaveFailed)
+    assert isinstance(outcome.error, FmuFailed)
     assert f"({name}.fmu, robot 2) failed at t = 0.5 s" in str(outcome.error)
     assert "this one is broken" in str(outcome.error)
     assert (outcome.status, outcome.steps) == ("failed", 50)
@@ -185,7 +185,7 @@ def test_a_step_that_it_refuses_stops_the_run(others, partners, name):
         assert outcome.status == "terminated"
         assert "ended the simulation at t = 0 s" in outcome.reason
     else:
-        assert isinstance(outcome.error, SlaveFailed)
+        assert isinstance(outcome.error, FmuFailed)
         assert "DoStep() returned `discard`" in str(outcome.error)
 
 

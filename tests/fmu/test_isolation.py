@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import results, run, supervision
-from cosim.errors import SlaveCrashed
-from cosim.run import Run
-from cosim.study import description, running
+from cosim.engine import run
+from cosim.engine.run import Run
+from cosim.errors import FmuCrashed
+from cosim.machine import supervision
+from cosim.results import result_file
+from cosim.study import running, study_file
 from cosim.study.running import Options
 from tests.fmu import machine
 
@@ -105,7 +107,7 @@ def test_a_killed_server_stops_the_run(machines, fleet):
             os.kill(server.pop(), signal.SIGKILL)
 
     outcome = one.execute(watch)
-    assert isinstance(outcome.error, SlaveCrashed)
+    assert isinstance(outcome.error, FmuCrashed)
     assert "block plant (machine2.fmu" in str(outcome.error) and "killed the process" in str(outcome.error)
 
 
@@ -123,7 +125,7 @@ def test_a_study_survives_the_members_that_crash(machines, tmp_path):
         "diagram: diagram.yaml\nvariants: {plain: , apart: {set: {blocks.plant.isolate: true}}}\n"
         "grid: {blocks.plant.parameters.fault: [0, 9, 8]}\n"
     )
-    study = running.run(description.load(tmp_path / "study.yaml"), Options(tmp_path / "results"))
+    study = running.run(study_file.load(tmp_path / "study.yaml"), Options(tmp_path / "results"))
     rows = list(study.rows())
     assert [row["status"] for row in rows] == ["completed", "failed", "completed"] * 2
     assert all("segmentation fault in fmi2DoStep()" in row["reason"] for row in rows if row["status"] == "failed")
@@ -132,7 +134,7 @@ def test_a_study_survives_the_members_that_crash(machines, tmp_path):
 
 def test_what_compiled_code_is_called_does_not_depend_on_the_process():
     code = (
-        "from cosim.fingerprint import fingerprint; from cosim.fmu import adapter, mailbox; "
+        "from cosim.compiling.fingerprint import fingerprint; from cosim.fmu import adapter, mailbox; "
         "print(*map(fingerprint, (adapter.adapt, mailbox.remote, mailbox.serve)))"
     )
     texts = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout for _ in range(2)}
@@ -187,7 +189,7 @@ def long_run(machines, partners, tmp_path):
     def start(isolated: str, fault: int = 0) -> tuple[subprocess.Popen, set[int], Path]:
         output = tmp_path / "long.nc"
         path = partners(LONG.format(fmu=machines["2"], isolated=isolated, fault=fault))
-        command = [sys.executable, "-m", "cosim.cli", "run", str(path), "-o", str(output)]
+        command = [sys.executable, "-m", "cosim.terminal.cli", "run", str(path), "-o", str(output)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         started.append(process)
         assert wait_until(output.exists)
@@ -208,7 +210,7 @@ def test_interruption_keeps_data_and_leaves_no_process(long_run, isolated, proce
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130 and "Traceback" not in err
     assert not any(lives(pid) for pid in forked)
-    with results.open_result(output) as result:
+    with result_file.open_result(output) as result:
         assert result.attrs["status"] == "interrupted" and len(result.times) > 0
 
 
@@ -222,7 +224,7 @@ def test_a_second_interruption_breaks_through_a_call_that_hangs(long_run, isolat
     _, err = process.communicate(timeout=8)
     assert process.returncode == 130 and "Traceback" not in err
     assert not any(lives(pid) for pid in forked)
-    with results.open_result(output) as result:
+    with result_file.open_result(output) as result:
         assert result.attrs["status"] == "interrupted" and len(result.times) == 11
 
 

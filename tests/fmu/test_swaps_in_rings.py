@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import rules, run
-from cosim.fmu.export import export
-from tests.fmu.test_export import native
+from cosim.engine import run
+from cosim.export.exporter import export_fmu
+from cosim.wiring import conditions
+from tests.export.test_export import native
 
 BLOCKS = Path(__file__).parents[1] / "oracle_blocks.py"
-EXPORTED = Path(__file__).with_name("blocks_for_tests.py")
+EXPORTED = Path(__file__).parents[1] / "export" / "blocks_for_tests.py"
 RING = """
 run: {stop: 2, step: 0.125, method: METHODRUN}
 blocks:
@@ -56,7 +57,7 @@ def fmu(tmp_path_factory):
 
     def of(block: str, version: str = "3.0") -> Path:
         path = folder / f"{block}{version[0]}.fmu"
-        return path if path.exists() else export(network, [block], path, version)
+        return path if path.exists() else export_fmu(network, [block], path, version)
 
     return of
 
@@ -89,14 +90,14 @@ PAIRS = [(b, m) for b in BLOCKS_IN_RING for m in METHODS[:2] if (b, m) != ("mixe
 @pytest.mark.parametrize(("block", "method"), PAIRS)
 def test_a_block_in_a_ring_is_its_own_fmu(tmp_path, fmu, truth, method, block):
     network = wired(tmp_path, method, [f"{block}={fmu(block)}"])
-    assert network.slaves[block].declaration.kind("step")  # a Co-Simulation FMU
+    assert network.components[block].declaration.kind("step")  # a Co-Simulation FMU
     assert_same(network, truth(method))
 
 
 @pytest.mark.parametrize("method", METHODS[:2])
 def test_a_sampled_block_without_feedthrough_is_its_own_fmi_2_fmu(tmp_path, fmu, truth, method):
     network = wired(tmp_path, method, [f"hold={fmu('hold', '2.0')}"])
-    assert network.slaves["hold"].declaration.kind("step")
+    assert network.components["hold"].declaration.kind("step")
     assert_same(network, truth(method))
 
 
@@ -105,7 +106,7 @@ def test_a_sampled_block_without_feedthrough_is_its_own_fmi_2_fmu(tmp_path, fmu,
 @pytest.mark.parametrize("block", BLOCKS_IN_RING)
 def test_a_block_in_a_ring_is_its_own_fmu_in_model_exchange(tmp_path, fmu, truth, method, block, version):
     network = wired(tmp_path, method, [f"{block}={fmu(block, version)}"], MODES[1])
-    assert not network.slaves[block].declaration.kind("step")
+    assert not network.components[block].declaration.kind("step")
     assert_same(network, truth(method))
 
 
@@ -123,10 +124,10 @@ def test_states_sampled_inside_a_step_warn_under_gauss_seidel(tmp_path, fmu, ver
     told = {}
     for method in METHODS[:2]:
         network = wired(tmp_path, method, [f"mixed={fmu('mixed', version)}"])
-        told[method] = [f for f in rules.conditions(network) if "sampled" in f.text and f.holds is False]
+        told[method] = [f for f in conditions.conditions(network) if "sampled" in f.text and f.holds is False]
     assert not told["jacobi"]
     (finding,) = told["gauss-seidel"]
-    assert finding.slave == "mixed" and "z may see" in finding.numbers
+    assert finding.component == "mixed" and "z may see" in finding.numbers
 
 
 RAMP = """
@@ -173,7 +174,7 @@ def test_integers_are_sampled_at_communication_points_only(tmp_path, method, ver
     """Not at the last stage of an integration, at the same time, whose values are other ones: m is n a period ago."""
     path = tmp_path / "keep.yaml"
     path.write_text(KEEP.replace("METHOD", method).replace("type: ", f"python: {EXPORTED}:"))
-    fmu = export(run.load(path), ["keep"], tmp_path / "keep.fmu", version)
+    fmu = export_fmu(run.load(path), ["keep"], tmp_path / "keep.fmu", version)
     settings = ["blocks.keep.mode=model-exchange", "blocks.keep.drop=[period]"]
     got = native(run.load(path, settings, [f"keep={fmu}"]), "rise.n", "keep.m")
     n, m = got["rise.n"].ravel(), got["keep.m"].ravel()

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cosim.cli import main
 from cosim.errors import PlotError
 from cosim.plot import figures, lines, plane, style
 from cosim.plot.signals import curves, read
-from cosim.results import Result, ResultWriter, Signal, open_result
+from cosim.results.result_file import Result, ResultWriter, Signal, open_result
+from cosim.terminal.cli import main
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra `plot`)")
 MAGIC = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -293,7 +293,7 @@ def test_bad_tex_is_told_in_words(result, tmp_path, text):
 
 def test_figures_of_a_study(result, tmp_path):
     from cosim.errors import Position, Problems
-    from cosim.source import parse_value
+    from cosim.language.source import parse_value
 
     text = """{
       A: {panels: [{signals: test.error, over: "plant.x[1,1]", derivative: true, thresholds: {zero: 0}}]},
@@ -335,7 +335,7 @@ def test_figures_of_a_study(result, tmp_path):
 )
 def test_mistakes_in_figures_are_reported(text, message):
     from cosim.errors import Position, Problems
-    from cosim.source import parse_value
+    from cosim.language.source import parse_value
 
     problems = Problems()
     figures.read(parse_value(text, Position("study.yaml")).value, problems)
@@ -360,8 +360,8 @@ def test_mistakes_in_figures_are_reported(text, message):
     ],
 )
 def test_what_does_not_fit_a_result_is_told_at_its_place(result, tmp_path, text, key, message):
-    from cosim import source
     from cosim.errors import Problems
+    from cosim.language import source
 
     (tmp_path / "figures.yaml").write_text(f"A: {text}")
     problems = Problems()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.study import description, running
+from cosim.study import running, study_file
 from cosim.study.running import Options, Results
 
 BLOCKS = Path(__file__).parents[1] / "signal_blocks.py"
@@ -52,7 +52,7 @@ def study(tmp_path):
 
     def load(text: str = STUDY, diagram: str = DIAGRAM, settings: tuple[str, ...] = ()):
         written(tmp_path, diagram, "diagram.yaml")
-        return description.load(written(tmp_path, text, "study.yaml"), settings)
+        return study_file.load(written(tmp_path, text, "study.yaml"), settings)
 
     return load
 

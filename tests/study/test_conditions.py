@@ -5,16 +5,16 @@ import json
 import pytest
 import xarray
 
-from cosim.cli import main
-from cosim.network import Finding
 from cosim.report import document
-from cosim.study import dataset, member, running
+from cosim.study import dataset, member_run, running
 from cosim.study.running import Options
+from cosim.terminal.cli import main
+from cosim.wiring.network import Finding
 
 WAVE = '''
 import math
 from cosim import Block, Output, Parameter
-from cosim.block import condition
+from cosim import condition
 
 class Wave(Block):
     """A sine of the time."""
@@ -69,7 +69,7 @@ def test_a_fleet_has_one_verdict():
     def finding(text, holds):
         return Finding("a", text, "", holds, "")
 
-    found = member._verdicts([finding(t, h) for t, h in (("x", True), ("x", None), ("y", None), ("y", False))])
+    found = member_run._verdicts([finding(t, h) for t, h in (("x", True), ("x", None), ("y", None), ("y", False))])
     assert found == {"a: condition, x": None, "a: condition, y": False}
 
 
@@ -98,6 +98,6 @@ def test_the_report_says_so_too(waves, tmp_path):
 
 
 def test_rows_of_before_and_runs_that_never_began_are_not_counted():
-    rows = [{"name": "a"}, {"name": "b", **member.lost("refused")}, {"name": "c", "conditions": {LOW: False}}]
+    rows = [{"name": "a"}, {"name": "b", **member_run.lost("refused")}, {"name": "c", "conditions": {LOW: False}}]
     assert list(running.broken(rows)) == [f"{LOW} fails in 1 of 1 runs, first in c"]
     assert list(running.broken(rows[:2])) == []

@@ -7,10 +7,10 @@ from types import FunctionType
 import numpy as np
 import pytest
 
-from cosim.block import Variable
+from cosim.authoring.variables import Variable
 from cosim.errors import Position
-from cosim.source import Node
-from cosim.study import key as keys
+from cosim.language.source import Node
+from cosim.study import member_key as keys
 from cosim.study import plan
 from cosim.study.variants import Variants
 from tests.study.conftest import DIAGRAM
@@ -150,7 +150,7 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
             object.__setattr__(part, name, old)
             seen.append(f"{kind.__name__}.{name}")
     assert key() == before
-    some = "RunSettings.step Record.period MetricEntry.start Table.operations Call.frame State.start Slave.every"
+    some = "RunSettings.step Record.period MetricEntry.start Table.operations Call.frame State.start Component.every"
     some += " Function.python Place.offset BlockEntry.mode Declaration.compiled Diagram.metrics"
     assert set(some.split()) <= set(seen)
 
@@ -168,10 +168,10 @@ def test_values_and_the_arena_are_each_members_own(study):
     table.arena = table.arena.copy()
     table.arena[-1] ^= 1
     assert keys.key(made.shared, network, table) != made.key
-    slave = network.slaves["swing"]
+    component = network.components["swing"]
     found = {made.key}
     for text in ("a", "b"):  # such as an FMU may have, and which is in no arena
-        slave.values = {**slave.values, "text": np.array([text], object)}
+        component.values = {**component.values, "text": np.array([text], object)}
         found.add(keys.key(made.shared, network, made.table))
     assert len(found) == 3
 

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from cosim import run as runs
-from cosim.study import member, plan
+from cosim.engine import run as runs
+from cosim.study import member_run, plan
 from cosim.study.variants import Variants
 
 SETTINGS = [
@@ -37,7 +37,7 @@ def test_fast_members_give_the_bits_of_a_full_load(study, tmp_path, path, value)
     variants = Variants(loaded)
     first, second = plan.members(loaded, None)
     variants.prepared(first)  # the template, which the second one is made from where it can be
-    row = member.run(variants, second, None, lambda time: None)
+    row = member_run.run(variants, second, None, lambda time: None)
     network = runs.load(tmp_path / "diagram.yaml", [f"{path}={json.dumps(value)}", "record.signals=[]"])
     expected = runs.Run(network).execute()
     assert row["metrics"] == expected.metrics
@@ -53,11 +53,11 @@ def test_values_share_one_template_and_structures_do_not(study):
 
 
 def test_recorded_members_say_which_diagram_they_come_from(study, tmp_path):
-    from cosim.results import open_result
+    from cosim.results.result_file import open_result
 
     loaded = study("{diagram: diagram.yaml, record: true, grid: {blocks.swing.parameters.w: [1, 4]}}")
     _, second = plan.members(loaded, None)
-    row = member.run(Variants(loaded), second, tmp_path / "one.nc", lambda time: None)
+    row = member_run.run(Variants(loaded), second, tmp_path / "one.nc", lambda time: None)
     with open_result(tmp_path / "one.nc") as result:
         (tmp_path / "again.yaml").write_text(result.attrs["diagram"])
         swing = result["swing.x"]

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim.cli import main
 from cosim.errors import ResultError
-from cosim.results import open_result
-from cosim.study import dataset, display, running
+from cosim.results.result_file import open_result
+from cosim.study import dataset, running
 from cosim.study.running import Options
 from cosim.study.store import Store
+from cosim.terminal import study_display
+from cosim.terminal.cli import main
 from tests.study.conftest import DIAGRAM, STUDY, written
 
 
@@ -237,11 +238,11 @@ def test_who_watches_is_told_of_every_member_that_is_done(study, tmp_path):
 def test_the_time_left_is_that_of_the_members_that_run(monkeypatch):
     """Five were done before, one a second runs since: 18 more take 18 s; what needed no run says nothing about it."""
     now = [100.0]
-    monkeypatch.setattr(display.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(study_display.time, "perf_counter", lambda: now[0])
     monkeypatch.setenv("TERM", "xterm")
     terminal = io.StringIO()
     terminal.isatty = lambda: True
-    with display.Counter(terminal) as counter:
+    with study_display.Counter(terminal) as counter:
         for done in range(6, 13):
             counter.update(done, 30)
             now[0] += 1.0
@@ -251,7 +252,7 @@ def test_the_time_left_is_that_of_the_members_that_run(monkeypatch):
 def test_sigkill_loses_nothing_that_is_done(tmp_path):
     written(tmp_path, SLOW, "diagram.yaml")
     path = written(tmp_path, STUDY.replace("count: 4", "count: 40"), "study.yaml")
-    command = [sys.executable, "-m", "cosim.cli", "study", str(path), "--results", str(tmp_path)]
+    command = [sys.executable, "-m", "cosim.terminal.cli", "study", str(path), "--results", str(tmp_path)]
     store = tmp_path / "study" / "members.jsonl"
     process = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
@@ -266,9 +267,9 @@ def test_sigkill_loses_nothing_that_is_done(tmp_path):
     assert 10 <= done < 240
     with store.open("ab") as file:
         file.write(b'{"key": "cut o')  # as a crash of the machine could leave it
-    from cosim.study import description
+    from cosim.study import study_file
 
-    resumed = running.run(description.load(path), Options(tmp_path / "study"))
+    resumed = running.run(study_file.load(path), Options(tmp_path / "study"))
     assert (resumed.ran, resumed.reused) == (240 - done, done)
     assert store.read_bytes().startswith(before)
     keys = [json.loads(line)["key"] for line in store.read_text().splitlines() if not line.startswith('{"key": "cut')]
@@ -297,7 +298,7 @@ def test_a_signal_ends_all_members_and_keeps_what_is_done(tmp_path, shareable, n
     # A shell may have told this process to ignore Ctrl-C, which children inherit.
     code = f"""if __name__ == "__main__":
         import signal
-        from cosim.cli import main
+        from cosim.terminal.cli import main
         from cosim.study.variants import Variants
         Variants.shareable = lambda self: {shareable}
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -332,7 +333,7 @@ def test_processes_end_with_the_first_one_however_that_ends(tmp_path):
     written(tmp_path, DIAGRAM.replace("stop: 1,", "stop: 1.0e+9,"), "diagram.yaml")
     path = written(tmp_path, STUDY, "study.yaml")
     code = f"""if __name__ == "__main__":
-        from cosim.cli import main
+        from cosim.terminal.cli import main
         from cosim.study.variants import Variants
         Variants.shareable = lambda self: False
         main(["study", {str(path)!r}, "--results", {str(tmp_path)!r}, "--threads", "2"])"""

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.study import description, plan
+from cosim.study import plan, study_file
 from cosim.study.plan import Member
 from cosim.study.variants import Variants
 
@@ -15,7 +15,7 @@ ALL = sorted(path for path in DIAGRAMS.glob("*.yaml"))
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.name)
 def test_the_first_member_of_every_variant_is_ready_to_run(path):
-    study = description.load(path)
+    study = study_file.load(path)
     variants = Variants(study)
     variants.check()
     point = plan.grid_settings(study, (0,) * len(study.grid))
@@ -27,5 +27,5 @@ def test_the_first_member_of_every_variant_is_ready_to_run(path):
 @pytest.mark.parametrize("path", ALL, ids=lambda path: path.name)
 def test_every_diagram_can_be_studied(path, tmp_path):
     (tmp_path / "study.yaml").write_text(f"diagram: {path}\nvariants: {{alone: {{}}}}\n", encoding="utf-8")
-    variants = Variants(description.load(tmp_path / "study.yaml"))
+    variants = Variants(study_file.load(tmp_path / "study.yaml"))
     assert variants.prepared(Member("alone")).key == Variants(variants.study).prepared(Member("alone")).key

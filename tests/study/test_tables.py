@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cosim.metrics import REDUCTIONS
 from cosim.report import words
+from cosim.results.metrics import REDUCTIONS
 from cosim.study import dataset, tables
-from cosim.study.model import OVER_RUNS, STATISTICS
+from cosim.study.definition import OVER_RUNS, STATISTICS
 from cosim.study.tables import markdown
 from tests.study.conftest import DIAGRAM, STUDY
 

@@ -1,0 +1,1 @@
+"""What blocks are written with, and what an author's functions say."""

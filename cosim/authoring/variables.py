@@ -1,0 +1,127 @@
+"""What a block declares: its variables, by causality, and its dimensions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+Unit = str | tuple[str, ...] | None
+
+
+class Variable:
+    """One declared quantity of a block.
+
+    shape: sizes or names of dimensions, () for a scalar. unit: one for all elements, or one for each element of the
+    first axis, or None where the block does not care. dtype: one of `cosim.authoring.naming.TYPES`; a block that is no
+    author's may have others. finite: a run in which it becomes NaN, infinite or as large as `cosim.engine.loop.LIMIT`
+    has diverged; False for what means something by NaN or infinity, such as a table of events or the distance to
+    nobody.
+    """
+
+    causality: ClassVar[str]
+    any_integer = False  # whether it takes the integer type of the port at the other end, as FMI 2's one type does
+
+    def __init__(
+        self,
+        *shape: int | str,
+        unit: Unit = None,
+        description: str = "",
+        dtype: Any = float,
+        start: Any = None,
+        finite: bool = True,
+    ) -> None:
+        self.name = ""
+        self.shape = shape
+        self.unit = unit
+        self.description = description
+        self.dtype = np.dtype(dtype)
+        self.start = start
+        self.finite = finite
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__} {self.name}{list(self.shape)}"
+
+
+class Input(Variable):
+    """A signal that a wire brings; with `start`, it may stay unconnected and holds that value.
+
+    only: the name of the ports that may be wired to it, whatever their block; "" for any.
+    """
+
+    causality = "input"
+
+    def __init__(self, *shape: int | str, only: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.only = only
+
+
+class Output(Variable):
+    """A signal that other blocks may read. `event`: for a boolean, what to report when it first becomes true."""
+
+    causality = "output"
+
+    def __init__(self, *shape: int | str, event: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.event = event
+
+
+class Local(Variable):
+    """A quantity that recordings, measuring blocks and other locals may read, ports may not.
+
+    Also a work space, whose content lasts for a call: what is to last longer is a State. Every element is written,
+    unless it says finite=False.
+    """
+
+    causality = "local"
+
+    def __init__(self, *shape: int | str, event: str = "", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.event = event
+
+
+class State(Variable):
+    """A continuous state if `derivatives` writes ``d_<name>``, a discrete one if `update` writes ``next_<name>``.
+
+    With `output=True` it is an output too, one without direct feedthrough; else it is local.
+    """
+
+    def __init__(self, *shape: int | str, output: bool = False, start: Any = 0.0, **more: Any) -> None:
+        super().__init__(*shape, start=start, **more)
+        self.output = output
+
+    @property
+    def causality(self) -> str:  # type: ignore[override]
+        """FMI causality: ``output`` or ``local``."""
+        return "output" if self.output else "local"
+
+
+class Parameter(Variable):
+    """A value fixed before the run; without a default, a diagram has to set it.
+
+    misnamed: whether the default was given as `start`, which its author is told when the block is declared.
+    """
+
+    causality = "parameter"
+
+    def __init__(self, *shape: int | str, default: Any = None, start: Any = None, **more: Any) -> None:
+        super().__init__(*shape, start=default, **more)
+        self.misnamed = start is not None
+
+
+class CalculatedParameter(Variable):
+    """A value that `calculate` computes once from the parameters."""
+
+    causality = "calculatedParameter"
+
+
+@dataclass
+class Dimension:
+    """A named dimension with a default size; names used in shapes without this are solved from the wiring."""
+
+    default: int
+    description: str = ""

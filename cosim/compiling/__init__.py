@@ -1,0 +1,1 @@
+"""An author's function becomes an address."""

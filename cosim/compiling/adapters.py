@@ -1,0 +1,113 @@
+"""From an author's function to the source of a kernel: frame -> arrays -> the function, for each instance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
+from cosim.compiling.fingerprint import fingerprint
+
+# A frame's words: what a kernel leaves where it fails (the address of a text, two numbers for it, the instance, and the
+# time), the number of instances, the sizes of the run-time dimensions, and offset and stride of each argument.
+FAULT_WORDS = 5
+INSTANCES = FAULT_WORDS
+FIRST_ARGUMENT = INSTANCES + 1
+
+
+@dataclass(frozen=True)
+class Source:
+    """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what its code depends on.
+
+    meaning: what it computes depends on, which its lines are no part of.
+
+    disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
+    what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
+    place, who: file:line and name of the author's function.
+    """
+
+    symbol: str
+    build: Callable[[], Callable[..., int]]
+    fingerprint: str
+    meaning: Callable[[], str]
+    disjoint: bool = False
+    checked: bool = False
+    place: str = ""
+    who: str = ""
+
+
+def run_time_dimensions(declaration: Declaration, constants: dict[str, int]) -> list[str]:
+    """The named dimensions that kernels of this type read from the frame, in order."""
+    return [name for name in declaration.dimension_names() if name not in constants]
+
+
+def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> Source:
+    """The kernel around one function of a block."""
+    text = adapter_text(declaration, function, constants)
+    digest = fingerprint(function.python, lines=True)
+
+    def meaning() -> str:
+        return fingerprint(function.python) + text
+
+    def build() -> Callable[..., int]:
+        from cosim.authoring import authors
+        from cosim.compiling import arithmetic, intrinsics
+
+        authors.check([declaration], function)
+        scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": function.python}
+        exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)
+        return scope["adapter"]
+
+    # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
+    code = function.python.__code__
+    place = f"{code.co_filename}:{code.co_firstlineno}"
+    facts = digest + text + _declared(declaration, function)
+    who = f"{declaration.name}.{function.name}()"
+    return Source(function.name, build, facts, meaning, disjoint=True, checked=True, place=place, who=who)
+
+
+def _declared(declaration: Declaration, function: Function) -> str:
+    """What the check of a function depends on beside its code: found compiled, it has been checked."""
+    variables = [(name, type(v).__name__, v.shape) for name, v in declaration.variables.items()]
+    return repr((function.kind, sorted(function.writes), sorted(variables)))
+
+
+def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:
+    """Source of the kernel around one function: frame -> arrays -> the author's function, for each instance."""
+    dims = run_time_dimensions(declaration, constants)
+    lines = ["def adapter(time, base, frame):"]
+    lines += [f"    {name}_size = size(frame[{FIRST_ARGUMENT + k}])" for k, name in enumerate(dims)]
+    lines += [f"    for k in range(frame[{INSTANCES}]):", "        instance(k)"]
+    slot = FIRST_ARGUMENT + len(dims)
+    for argument in function.arguments:
+        if argument == "time":
+            continue
+        variable = variable_of(declaration, argument)
+        place = f"base, frame[{slot}] + k * frame[{slot + 1}]"
+        kind = variable.dtype.name
+        if is_scalar(variable, function, argument):
+            lines.append(f"        {argument}_ = widened(load_{kind}({place}))")
+        else:
+            sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
+            view = f"array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))"
+            lines.append(f"        {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
+        slot += 2
+    call = ", ".join("time" if a == "time" else f"{a}_" for a in function.arguments)
+    lines += [f"        function({call})", "    return 0", ""]
+    return "\n".join(lines)
+
+
+def raw_source(module: str, entry: Callable[[float, int, int], int]) -> Source:
+    """The kernel around a function of a time and two addresses, of the base and of the frame."""
+    name = entry.__name__
+    text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
+
+    def build() -> Callable[..., int]:
+        from cosim.compiling import intrinsics
+
+        scope: dict[str, Any] = {**vars(intrinsics), name: entry}
+        exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)
+        return scope["adapter"]
+
+    return Source(name, build, fingerprint(entry, lines=True) + text, lambda: fingerprint(entry) + text)

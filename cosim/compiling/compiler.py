@@ -1,0 +1,153 @@
+"""Python functions -> LLVM IR -> object code, without running anything. The one file that drives numba.
+
+numba's ahead-of-time code generator is internal API (hence the version bounds in pyproject.toml): it gives IR that
+was never run, so that the same text can become object code for this machine and for an exported FMU's platforms.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+import llvmlite.binding as llvm
+
+from cosim.errors import CosimError, KernelError, Problems
+from cosim.machine import object_code
+
+if TYPE_CHECKING:
+    from cosim.compiling.adapters import Source
+
+#: Functions of the C library that object code may call; anything else would need a run time of numba's.
+_LIBC = (
+    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10 log1p pow sqrt "
+    "cbrt hypot floor ceil trunc rint round fabs fmod erf erfc tgamma lgamma ldexp frexp fma fmin fmax sincos memset "
+    "memcpy memmove nearbyint copysign modf vsnprintf strncpy"
+)
+LIBC = frozenset(_LIBC.split())
+
+
+def compile_object(name: str, sources: Iterable[Source]) -> bytes:
+    """Object code of the sources for this machine.
+
+    Raises: KernelError, DeclarationError, DiagramErrors with several: each at its line in the author's file.
+    """
+    triple, cpu, features = object_code.host()
+    sources = tuple(sources)
+    return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
+
+
+def compile_ir(name: str, sources: Iterable[Source]) -> str:
+    """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: as `compile_object`."""
+    from numba import types
+    from numba.core.compiler import Compiler, Flags, compile_extra
+    from numba.core.compiler_lock import global_compiler_lock
+
+    from cosim.compiling import arithmetic, checks, helpers
+
+    signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
+    flags: Any = Flags()
+    flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
+    flags.error_model = "numpy"
+    problems, good = Problems(), []
+    with global_compiler_lock, helpers.unoptimised(), checks.checking():
+        target = helpers.target()
+        library = target.target_context.codegen().create_library(name)
+        library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
+        for source in sources:
+            flags.noalias, flags.boundscheck = source.disjoint, source.checked
+            try:
+                adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
+                with arithmetic.wrapping() if source.checked else nullcontext():
+                    result = compile_extra(
+                        target.typing_context,
+                        target.target_context,
+                        adapter,
+                        signature,
+                        types.int32,
+                        flags,
+                        locals={},
+                        library=library,
+                        pipeline_class=checks.Compiler if source.checked else Compiler,
+                    )
+            except Exception as error:
+                problems.add(_explain(error, source, name))
+                continue
+            good.append(source)
+            library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
+        if not problems.errors:
+            library.finalize()
+    if problems.errors:
+        if good:
+            problems.attempt(compile_object, name, good)  # what is wrong with the others
+        problems.raise_one_or_all()
+    return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+
+
+#: numba's array views are typed with a reference count; those that kernels see own nothing.
+_NO_REFERENCE_COUNTS = """
+define void @NRT_incref(ptr %object) alwaysinline { ret void }
+define void @NRT_decref(ptr %object) alwaysinline { ret void }
+"""
+
+#: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status. A fault
+#: is written to the frame, of which the function itself sees no word before the instances; its last word is the time.
+_SHIM = """
+define i32 @{symbol}(double %time, ptr %base, ptr %frame) {{
+  %result = alloca i32
+  %raised = call i32 @{symbol}.numba(ptr %result, ptr %frame, double %time, ptr %base, ptr %frame)
+  %ok = icmp eq i32 %raised, 0
+  br i1 %ok, label %returned, label %failed
+returned:
+  %status = load i32, ptr %result
+  ret i32 %status
+failed:
+  %when = getelementptr double, ptr %frame, i64 4
+  store double %time, ptr %when
+  ret i32 3
+}}
+"""
+
+
+def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str) -> bytes:
+    """Optimised object code of an IR text for any triple; all symbols but `keep` become private.
+
+    Raises: KernelError where the code needs more than the C library, with the missing symbol's name.
+    """
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    llvm.initialize_native_asmparser()
+    target = llvm.Target.from_triple(triple)
+    machine = target.create_target_machine(cpu=cpu, features=features, opt=3, reloc="pic", codemodel="default")
+    ir = re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.M)
+    module = llvm.parse_assembly(f'target datalayout = "{machine.target_data}"\ntarget triple = "{triple}"\n{ir}')
+    kept = set(keep)
+    for value in (*module.functions, *module.global_variables):
+        if not value.is_declaration and value.name not in kept:
+            value.linkage = "internal"
+            value.visibility = "default"
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
+    tuning.loop_vectorization = tuning.slp_vectorization = True
+    builder = llvm.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    _refuse_foreign(module, name)
+    return machine.emit_object(module)
+
+
+def _refuse_foreign(module: Any, name: str) -> None:
+    """What authors may write leads to nothing else; this makes sure of it. Raises: KernelError."""
+    undefined = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
+    foreign = sorted(n for n in undefined if not n.startswith("llvm.") and n not in LIBC)
+    if foreign:
+        fix = "write it with loops and `math`, or declare the class with `compiled=False`"
+        raise KernelError(f"{name} cannot be compiled: it needs `{foreign[0]}`, which the C library lacks", fix=fix)
+
+
+def _explain(error: Exception, source: Source, name: str) -> CosimError:
+    """A mistake of the author's as it is, and the compiler's message in the author's words."""
+    if isinstance(error, CosimError):
+        return error
+    from cosim.compiling import diagnosis
+
+    return diagnosis.explained(error, source.who or f"{name}: {source.symbol}()", source.place)

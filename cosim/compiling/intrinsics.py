@@ -1,0 +1,242 @@
+"""What `cosim.machine.memory` means in compiled code: loads, array views and calls at run-time addresses."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+array = carray
+BYTES = types.CPointer(types.uint8)
+NUMBERS = {name: getattr(types, name) for name in ("float64", "float32", "int8", "int16", "int32", "int64")}
+NUMBERS |= {name: getattr(types, name) for name in ("uint8", "uint16", "uint32", "uint64")} | {"bool": types.boolean}
+
+
+def _pointer(number: Any) -> Any:
+    """An intrinsic: the typed pointer at `base + offset`."""
+    kind = types.CPointer(number)
+
+    @intrinsic
+    def pointer(context: Any, base: Any, offset: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(builder.gep(arguments[0], [arguments[1]]), context.get_value_type(kind))
+
+        return kind(BYTES, types.int64), generate
+
+    return pointer
+
+
+def _load(number: Any) -> Any:
+    """An intrinsic: the number stored at `base + offset`."""
+
+    @intrinsic
+    def load(context: Any, base: Any, offset: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            place = builder.gep(arguments[0], [arguments[1]])
+            data = builder.bitcast(place, context.get_data_type(number).as_pointer())
+            return context.data_model_manager[number].from_data(builder, builder.load(data))
+
+        return number(BYTES, types.int64), generate
+
+    return load
+
+
+for _name, _number in NUMBERS.items():
+    globals()[f"pointer_{_name}"] = _pointer(_number)
+    globals()[f"load_{_name}"] = _load(_number)
+
+
+def _view(number: Any, code: Any) -> Any:
+    @intrinsic
+    def pointer_at(context: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], code.as_pointer())
+
+        return types.CPointer(number)(types.int64), generate
+
+    return pointer_at
+
+
+@intrinsic
+def size(context: Any, size: Any) -> Any:
+    """A size of a dimension, which wiring has seen to be from 1 to 2^31 - 1."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        for relation, bound in ((">=", 1), ("<", 1 << 31)):
+            builder.assume(builder.icmp_signed(relation, arguments[0], ir.IntType(64)(bound)))
+        return arguments[0]
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def read_only(context: Any, array: Any) -> Any:
+    """The array, of a type for which numba refuses what writes to it, also through views and helpers."""
+    return array.copy(readonly=True)(array), lambda context, builder, signature, arguments: arguments[0]
+
+
+@intrinsic
+def instance(context: Any, k: Any) -> Any:
+    """Have the number of the instance at hand where a function that is called from here fails."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.instance = arguments[0]
+        return context.get_dummy_value()
+
+    return types.none(types.int64), generate
+
+
+word_pointer = _view(types.int64, ir.IntType(64))
+real_pointer = _view(types.float64, ir.DoubleType())
+integer_pointer = _view(types.int32, ir.IntType(32))
+byte_pointer = _view(types.uint8, ir.IntType(8))
+
+
+def words_at(address: int, size: int) -> np.ndarray:
+    """`cosim.machine.memory.words_at`, compiled."""
+    return carray(word_pointer(address), (size,))
+
+
+def reals_at(address: int, size: int) -> np.ndarray:
+    """`cosim.machine.memory.reals_at`, compiled."""
+    return carray(real_pointer(address), (size,))
+
+
+def integers_at(address: int, size: int) -> np.ndarray:
+    """`cosim.machine.memory.integers_at`, compiled."""
+    return carray(integer_pointer(address), (size,))
+
+
+def bytes_at(address: int, size: int) -> np.ndarray:
+    """`cosim.machine.memory.bytes_at`, compiled."""
+    return carray(byte_pointer(address), (size,))
+
+
+@dataclass(frozen=True)
+class _ControlWord:
+    """A floating-point control word of the processor, and its value for IEEE 754's default arithmetic.
+
+    mask: what is no sticky flag. get, set: the instructions that store and load the word where a pointer in a register
+    points; clobbered: what they change.
+    """
+
+    bits: int
+    standard: int
+    mask: int
+    get: str
+    set: str
+    clobbered: str
+
+    def restore(self, builder: Any) -> None:
+        """Set it to the default, if it is not."""
+        kind = ir.IntType(self.bits)
+        place = cgutils.alloca_once(builder, kind)
+        self._move(builder, self.get, place)
+        wrong = builder.and_(builder.xor(builder.load(place), kind(self.standard)), kind(self.mask))
+        with builder.if_then(builder.icmp_unsigned("!=", wrong, kind(0)), likely=False):
+            builder.store(kind(self.standard), place)
+            self._move(builder, self.set, place)
+
+    def _move(self, builder: Any, instruction: str, place: Any) -> None:
+        kind = ir.FunctionType(ir.VoidType(), [place.type])
+        builder.asm(kind, instruction, f"r,~{{memory}},~{{{self.clobbered}}}", [place], side_effect=True)
+
+
+_X86_STACK_STANDARD = 0x027F if sys.platform == "win32" else 0x037F
+_X86 = (
+    _ControlWord(32, 0x1F80, 0xFFC0, "stmxcsr ($0)", "ldmxcsr ($0)", "fpsr"),
+    _ControlWord(16, _X86_STACK_STANDARD, 0x0F3F, "fnstcw ($0)", "fldcw ($0)", "fpsr"),
+)
+_ARM = (_ControlWord(64, 0, 0x7FFFFFFF, "mrs x9, fpcr; str x9, [$0]", "ldr x9, [$0]; msr fpcr, x9", "x9"),)
+
+
+def _is_arm() -> bool:
+    return platform.machine().lower() in ("arm64", "aarch64")
+
+
+@intrinsic
+def invoke(context: Any, function: Any, arguments: Any) -> Any:
+    """`cosim.machine.memory.invoke`, compiled: an indirect C call whose signature follows from the arguments' types.
+
+    The loop runs with IEEE 754's default arithmetic, see `cosim.machine.floating`, and so it goes on after the call.
+    """
+    kinds = [types.float64 if isinstance(a, types.Float) else types.int64 for a in arguments]
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        given = cgutils.unpack_tuple(builder, values[1], len(kinds))
+        given = [context.cast(builder, v, a, k) for v, a, k in zip(given, arguments, kinds, strict=True)]
+        kind = ir.FunctionType(ir.IntType(32), [context.get_value_type(k) for k in kinds])
+        function = builder.inttoptr(values[0], kind.as_pointer())
+        status = builder.call(function, given)
+        for word in _ARM if _is_arm() else _X86:
+            word.restore(builder)
+        return status
+
+    return types.int32(types.int64, arguments), generate
+
+
+@intrinsic
+def call(context: Any, function: Any, time: Any, base: Any, frame: Any) -> Any:
+    """`cosim.machine.memory.call`, compiled: an indirect C call."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        byte, word = cgutils.voidptr_t, ir.IntType(64).as_pointer()
+        kind = ir.FunctionType(ir.IntType(32), [ir.DoubleType(), byte, word])
+        target = builder.inttoptr(arguments[0], kind.as_pointer())
+        values = [arguments[1], builder.inttoptr(arguments[2], byte), builder.inttoptr(arguments[3], word)]
+        return builder.call(target, values)
+
+    return types.int32(types.int64, types.float64, types.int64, types.int64), generate
+
+
+@intrinsic
+def address_of(context: Any, pointer: Any) -> Any:
+    """The address that a pointer holds."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.ptrtoint(arguments[0], ir.IntType(64))
+
+    return types.int64(pointer), generate
+
+
+@intrinsic
+def load(context: Any, address: Any) -> Any:
+    """`cosim.machine.memory.load`, compiled: sequentially consistent."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        place = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        return builder.load_atomic(place, "seq_cst", 8)
+
+    return types.int64(types.int64), generate
+
+
+@intrinsic
+def store(context: Any, address: Any, value: Any) -> Any:
+    """`cosim.machine.memory.store`, compiled: sequentially consistent."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        place = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        builder.store_atomic(arguments[1], place, "seq_cst", 8)
+        return context.get_dummy_value()
+
+    return types.none(types.int64, types.int64), generate
+
+
+@intrinsic
+def pause(context: Any) -> Any:
+    """`cosim.machine.memory.pause`, compiled: the processor's hint that it spins."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        name, hint = ("llvm.aarch64.hint", [ir.IntType(32)(1)]) if _is_arm() else ("llvm.x86.sse2.pause", [])
+        kind = ir.FunctionType(ir.VoidType(), [h.type for h in hint])
+        builder.call(cgutils.get_or_insert_function(builder.module, kind, name), hint)
+        return context.get_dummy_value()
+
+    return types.none(), generate

@@ -1,0 +1,94 @@
+"""Compiles authors' functions, each behind one C ABI, and caches the object code in the user's cache folder.
+
+Every kernel is ``int32 kernel(double time, uint8 *base, int64 *frame)`` and returns an FMI status. The frame is
+``[fault…, instances, sizes of run-time dimensions…, (offset, stride) per argument…]`` in words of 64 bits (see
+`cosim.compiling.adapters`); offsets are bytes from `base`, strides are bytes between two instances (0: all instances
+share the value). A function that fails writes to `fault` what is to be told of it.
+
+A source is compiled once: the cache is keyed by the functions and all that they reach, the shapes, the versions of the
+compilers, and the processor. What cannot be followed to its end is compiled at every run. A warm start imports neither
+numba nor anything of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+from cosim.authoring.declaration import Declaration
+from cosim.compiling.adapters import Source, block_source, raw_source
+from cosim.compiling.fingerprint import obstacle
+from cosim.machine import cache, notices, object_code
+
+
+@dataclass
+class Module:
+    """The compiled functions of one block type or of the engine."""
+
+    name: str
+    code: bytes
+    key: str
+    compiled_now: bool
+    sources: tuple[Source, ...]
+
+    @cached_property
+    def meaning(self) -> str:
+        """As `key`, but of what the functions compute, whatever lines they stand in."""
+        return _key([s.symbol + s.meaning() for s in self.sources])
+
+    def load(self) -> object_code.Library:
+        """Load into this process; one copy for all users of the same code."""
+        if self.key not in _loaded:
+            _loaded[self.key] = object_code.Library(self.code)
+        return _loaded[self.key]
+
+
+_loaded: dict[str, object_code.Library] = {}
+
+
+def module(name: str, sources: Iterable[Source]) -> Module:
+    """The compiled sources, from the cache or compiled now.
+
+    Raises: KernelError, naming the function that the compiler cannot take.
+    """
+    sources = tuple(sources)
+    key = _key([s.symbol + s.fingerprint for s in sources])
+    entry = f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)[:80]}-{key}"
+    once = next((reason for s in sources if (reason := obstacle(s.fingerprint))), "")
+    code = None if once else cache.read(entry)
+    if code is not None:
+        return Module(name, code, key, False, sources)
+    _say(name.partition("-")[0], once)
+    from cosim.compiling import compiler
+
+    code = compiler.compile_object(name, sources)
+    if not once:
+        cache.write(entry, code)
+    return Module(name, code, key, True, sources)
+
+
+def _say(name: str, obstacle: str) -> None:
+    """Tell who waits at a terminal what for."""
+    why = f"anew at every run, as it depends on {obstacle}, which cannot be followed" if obstacle else "once"
+    notices.progress(f"compiling {name}, {why}…")
+
+
+def _key(parts: Iterable[str]) -> str:
+    machine = (*object_code.host(), *cache.toolchain())
+    return hashlib.sha256(json.dumps([*parts, *machine]).encode()).hexdigest()[:24]
+
+
+def block_module(declaration: Declaration, constants: dict[str, int]) -> Module:
+    """The kernels of a block type, one symbol a function. constants: the dimensions that are part of the code."""
+    name = f"{declaration.name}-" + "-".join(f"{k}{v}" for k, v in constants.items())
+    sources = [block_source(declaration, function, constants) for function in declaration.functions]
+    return module(name.rstrip("-"), sources)
+
+
+def raw_module(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> Module:
+    """Compiled functions of a time and two addresses, each behind the kernel ABI under its own name."""
+    return module(name, [raw_source(name, function) for function in functions])

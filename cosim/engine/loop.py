@@ -1,0 +1,302 @@
+"""The master's loop: walks a table of operations over an arena, and knows no diagram.
+
+One source, two engines: compiled by `cosim.compiling.compiler` it calls kernels by address; as plain Python it calls
+the authors' functions (see `cosim.machine.memory`). Nothing here allocates, takes a lock, or returns before the steps
+asked for are done, a buffer of probes is full, somebody wants it to stop, a call's status is worse than a warning, or a
+published value is not finite. Time is an integer count of steps.
+
+All tables are rows of 64-bit words. `base` is the arena's address, offsets in the tables are bytes from it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim.machine.memory import call, integers_at, load, reals_at, words_at
+
+# Status of a call and of a run: FMI's, and one more.
+OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
+
+# An operation: kind, three operands, done every so many steps, at the step's begin (0) or end (1).
+OPERATION_WORDS = 6
+OPERATION_BYTES = 8 * OPERATION_WORDS
+KIND, A, B, C, EVERY, AT_END = range(OPERATION_WORDS)
+CALL, COPY, INTEGRATE = range(3)  # operands: function, frame | to, from, words | bank
+
+# A bank of states that are integrated together: its part of the state vector, whether stages are written in place,
+# method, inner steps, and the operations that give the derivatives: from published values (first), from the stage's.
+BANK_WORDS = 9
+BEGIN, END, IN_PLACE, METHOD, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END = range(9)
+EULER, RK4 = range(2)
+
+# A group of probes that are copied to a buffer every so many steps: [step, probed words…] a row, CAPACITY rows at most.
+GROUP_WORDS = 7
+GROUP_EVERY, PROBES_BEGIN, PROBES_END, ROW_WORDS, FILLED, BUFFER, CAPACITY = range(7)
+PROBE_WORDS = 2  # offset, words
+
+# The control block: what a caller hands over, and what it gets back.
+CONTROL_WORDS = 32
+(
+    OPERATIONS,
+    BANKS,
+    FUNCTIONS,
+    GROUPS,
+    PROBES,
+    N_GROUPS,
+    STATES,  # size of the state vector
+    X,  # the published states
+    W,  # the states of the stage that is being evaluated
+    START,  # the states at the start of an inner step
+    SUM,  # the weighted sum of the stages' derivatives
+    D,  # derivatives
+    POINT_BEGIN,  # operations at a communication point
+    POINT_END,
+    BETWEEN_BEGIN,  # operations between two communication points
+    BETWEEN_END,
+    STEP,  # the step that is being done; the caller sets the first
+    LAST,  # the step before which to stop
+    FINAL,  # whether to evaluate and probe at LAST too; 0 once that is done
+    AT,  # the operation that is being done
+    ELEMENT,  # the offset of the value that is not finite
+    WARNINGS,  # how many calls returned a warning
+    ORIGIN_STEP,  # the step at which the time is ORIGIN
+    ORIGIN,  # a float64 (s)
+    ENDING,  # not 0 if no step is to be done after the next communication point, a foreign block may say; then ENDED
+    PUBLISHED,  # float64 numbers that have to be finite at every communication point, besides the states
+    N_PUBLISHED,
+    PUBLISHED32,  # and float32 numbers
+    N_PUBLISHED32,
+    STOP,  # whether somebody wants the loop to return before its next step
+    AGAIN,  # not 0 if a foreign block has had an event at this communication point, which may change what it publishes
+    AGAIN_BEGIN,  # the operations from here to POINT_END are then done once more
+) = range(32)
+
+ENDED = 2
+LIMIT = 2.0**332
+"""From this magnitude on, about 1e100, a value has diverged: no quantity is as large; its fourth power overflows."""
+_EXPONENT = 0x7FF0000000000000
+_LIMIT = (1023 + 332) << 52  # the exponent of LIMIT
+_EXPONENT32 = 0x7F800000
+
+
+def run(step: float, base: int, control: int) -> int:
+    """Do the steps STEP … LAST-1 of the control block; step: communication step (s). Returns the status.
+
+    It returns early, with OK and STEP < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
+    """
+    c = words_at(control, CONTROL_WORDS)
+    last = min(c[LAST], full_at(c))
+    while c[STEP] < last:
+        k = c[STEP]
+        if load(control + STOP * 8) != 0:
+            return OK
+        time = time_at(c, control, k, step)
+        status = reach(c, base, k, time)
+        if status > WARNING:
+            return status
+        if c[ENDING] != 0:
+            c[ENDING] = ENDED
+            return OK
+        status = advance(c, base, k, time, time_at(c, control, k + 1, step), step)
+        if status > WARNING:
+            return status
+        c[STEP] = k + 1
+        if not are_finite(c, base, c[X], c[STATES]):
+            return NON_FINITE
+    if c[FINAL] != 0 and c[STEP] == c[LAST] < full_at(c):
+        status = reach(c, base, c[STEP], time_at(c, control, c[STEP], step))
+        if status > WARNING:
+            return status
+        c[FINAL] = 0
+    return OK
+
+
+def reach(c: Any, base: int, k: int, time: float) -> int:
+    """Be at the communication point k: evaluate what is published there, and probe it. Returns the status."""
+    status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, time)
+    if status <= WARNING and c[AGAIN] != 0:
+        c[AGAIN] = 0
+        status = operate(c, base, c[AGAIN_BEGIN], c[POINT_END], k, time, time)
+    if status > WARNING:
+        return status
+    if not is_sound(c, base):
+        return NON_FINITE
+    probe(c, base, k)
+    return OK
+
+
+def time_at(c: Any, control: int, k: int, step: float) -> float:
+    """The time (s) of step k, from an integer count of steps."""
+    return reals_at(control, CONTROL_WORDS)[ORIGIN] + (k - c[ORIGIN_STEP]) * step
+
+
+def execute(time: float, base: int, control: int) -> int:
+    """Do the operations POINT_BEGIN … POINT_END-1 once, at a time (s); for the initialization. Returns the status."""
+    c = words_at(control, CONTROL_WORDS)
+    status = operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, time)
+    if status > WARNING or is_sound(c, base):
+        return status
+    return NON_FINITE
+
+
+def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
+    """Do calls and copies in order, as of step k and a time (s); later: the time of rows that are done at its end."""
+    operations, functions = c[OPERATIONS], c[FUNCTIONS]
+    for o in range(begin, end):
+        row = words_at(operations + o * OPERATION_BYTES, OPERATION_WORDS)
+        every = row[EVERY]
+        if every != 1 and k % every != 0:
+            continue
+        c[AT] = o
+        if row[KIND] == CALL:
+            now = later if row[AT_END] != 0 else time
+            status = call(words_at(functions + row[A] * 8, 1)[0], now, base, base + row[B])
+            if status != OK:
+                if status > WARNING:
+                    return status
+                c[WARNINGS] += 1
+        else:
+            copy(base + row[A], base + row[B], row[C])
+    return OK
+
+
+def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -> int:
+    """Do what stands between the communication points k and k+1: integrations, components' steps, copies."""
+    for o in range(c[BETWEEN_BEGIN], c[BETWEEN_END]):
+        row = words_at(c[OPERATIONS] + o * OPERATION_BYTES, OPERATION_WORDS)
+        if row[KIND] == INTEGRATE:
+            status = integrate(c, base, row[A], k, time, step)
+        else:
+            status = operate(c, base, o, o + 1, k, time, later)
+        if status > WARNING:
+            return status
+    return OK
+
+
+def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -> int:
+    """Integrate one bank over one communication step with its own method and number of inner steps."""
+    b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
+    inner_steps = b[INNER_STEPS]
+    x = part(c, base, b, X)
+    w = x if b[IN_PLACE] != 0 else part(c, base, b, W)
+    d = part(c, base, b, D)
+    h = step / inner_steps
+    for s in range(inner_steps):
+        time = begun + s * h
+        if s == 0:
+            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, time)
+        else:
+            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, time)
+        if status > WARNING:
+            return status
+        if b[METHOD] == RK4:
+            status = finish_rk4(c, base, b, x if s == 0 else w, w, d, k, time, h)
+            if status > WARNING:
+                return status
+        elif s > 0 or b[IN_PLACE] != 0:
+            add(w, h, d)
+        else:
+            move(x, h, d, w)
+    return OK
+
+
+def part(c: Any, base: int, b: Any, vector: int) -> Any:
+    """A bank's part of one of the vectors X, W, START, SUM, D."""
+    return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
+
+
+def move(origin: Any, h: float, d: Any, w: Any) -> None:
+    """w = origin + h d, element by element."""
+    for j in range(w.size):
+        w[j] = origin[j] + h * d[j]
+
+
+def add(w: Any, h: float, d: Any) -> None:
+    """w += h d; vectorised where `move` would find that its arrays overlap."""
+    for j in range(w.size):
+        w[j] += h * d[j]
+
+
+def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
+    """The classical Runge-Kutta step whose first stage's derivatives are already in `d`."""
+    start, total = part(c, base, b, START), part(c, base, b, SUM)
+    for j in range(w.size):
+        start[j] = origin[j]
+        total[j] = d[j]
+    move(start, 0.5 * h, d, w)
+    for stage in range(1, 4):
+        offset = h if stage == 3 else 0.5 * h
+        status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, time + offset)
+        if status > WARNING:
+            return status
+        add(total, 1.0 if stage == 3 else 2.0, d)
+        move(start, h if stage == 2 else 0.5 * h, d, w)
+    move(start, h / 6.0, total, w)
+    return OK
+
+
+def full_at(c: Any) -> int:
+    """The first step, from the next one on, at which a group of probes that is due has no room for another row."""
+    k, full = c[STEP], c[LAST] + 1
+    for g in range(c[N_GROUPS]):
+        group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
+        every, room = group[GROUP_EVERY], max(0, group[CAPACITY] - group[FILLED])
+        due = (k + every - 1) // every + room
+        if due <= c[LAST] // every:  # else a product that may overflow is none of our business
+            full = min(full, due * every)
+    return full
+
+
+def probe(c: Any, base: int, k: int) -> None:
+    """Copy the probed signals of every group that is due at step k to its buffer; `full_at` says that it has room."""
+    for g in range(c[N_GROUPS]):
+        group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
+        every = group[GROUP_EVERY]
+        if every != 1 and k % every != 0:
+            continue
+        row = group[BUFFER] + group[FILLED] * group[ROW_WORDS] * 8
+        words_at(row, 1)[0] = k
+        row += 8
+        for p in range(group[PROBES_BEGIN], group[PROBES_END]):
+            probed = words_at(c[PROBES] + p * PROBE_WORDS * 8, PROBE_WORDS)
+            copy(row, base + probed[0], probed[1])
+            row += probed[1] * 8
+        group[FILLED] += 1
+
+
+def copy(to: int, source: int, n: int) -> None:
+    """Copy n words, most often one, from an address to another."""
+    if n == 1:
+        words_at(to, 1)[0] = words_at(source, 1)[0]
+        return
+    there, here = words_at(to, n), words_at(source, n)
+    for j in range(n):
+        there[j] = here[j]
+
+
+def is_sound(c: Any, base: int) -> bool:
+    """Whether all that is published besides the continuous states is finite; else ELEMENT says what is not."""
+    if not are_finite(c, base, c[PUBLISHED], c[N_PUBLISHED]):
+        return False
+    n = c[N_PUBLISHED32]
+    bits = integers_at(base + c[PUBLISHED32], n)
+    for j in range(n):
+        if (bits[j] & _EXPONENT32) == _EXPONENT32:
+            c[ELEMENT] = c[PUBLISHED32] + 4 * j
+            return False
+    return True
+
+
+def are_finite(c: Any, base: int, offset: int, n: int) -> bool:
+    """Whether n float64 numbers are finite and below LIMIT; else ELEMENT is the offset of the first that is not."""
+    bits = words_at(base + offset, n)
+    below = -1  # its sign stays as long as every exponent is below that of the limit
+    for j in range(n):
+        below &= (bits[j] & _EXPONENT) - _LIMIT
+    if below < 0:
+        return True
+    for j in range(n):
+        if (bits[j] & _EXPONENT) >= _LIMIT:
+            c[ELEMENT] = offset + 8 * j
+            return False
+    return True

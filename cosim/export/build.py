@@ -1,0 +1,212 @@
+"""Object code and shared libraries of an exported model, for any of the platforms that FMI names.
+
+Kernels and the loop come from `cosim.compiling.compiler`; the wrapper and the model's constants are C, compiled and
+linked by the machine's C compiler, or by `ziglang`, which also serves all other platforms.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import platform as machine
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from cosim.compiling.adapters import Source, block_source, raw_source
+from cosim.compiling.fingerprint import obstacle
+from cosim.engine import loop
+from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
+from cosim.export import c_source
+from cosim.export.model import Model
+from cosim.machine import cache
+from cosim.wiring.network import Component
+
+WRAPPER = Path(__file__).parent / "wrapper"
+_FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter"]
+
+
+@dataclass(frozen=True)
+class Platform:
+    """A platform, with the names that LLVM, zig and both versions of FMI have for it; cpu: the least that it has."""
+
+    name: str
+    system: Literal["linux", "windows", "darwin"]
+    triple: str
+    zig: str
+    cpu: str
+    fmi2: str
+    suffix: str
+
+    @property
+    def fmi3(self) -> str:
+        """FMI 3's tuple of architecture and system."""
+        return "-".join(reversed(self.name.split("-")))
+
+    def folder(self, version: str) -> str:
+        """Where the library lies in the archive. FMI 2 has no names for ARM: there FMI 3's are usual."""
+        return self.fmi2 or self.fmi3 if version == "2.0" else self.fmi3
+
+
+_X86, _ARM, _APPLE = "x86_64", "aarch64", "apple-macosx11.0.0"
+_GNU = "linux-gnu"
+PLATFORMS = {
+    p.name: p
+    for p in (
+        Platform("linux-x86_64", "linux", f"{_X86}-unknown-{_GNU}", f"{_X86}-{_GNU}.2.17", "x86-64", "linux64", ".so"),
+        Platform("linux-aarch64", "linux", f"{_ARM}-unknown-{_GNU}", f"{_ARM}-{_GNU}.2.17", "generic", "", ".so"),
+        Platform(
+            "windows-x86_64", "windows", f"{_X86}-w64-windows-gnu", f"{_X86}-windows-gnu", "x86-64", "win64", ".dll"
+        ),
+        Platform("darwin-x86_64", "darwin", f"{_X86}-{_APPLE}", f"{_X86}-macos.11.0", "x86-64", "darwin64", ".dylib"),
+        Platform("darwin-aarch64", "darwin", f"arm64-{_APPLE}", f"{_ARM}-macos.11.0", "apple-m1", "", ".dylib"),
+    )
+}
+
+
+def host() -> Platform:
+    """The platform of this machine. Raises: CompilerMissing where it is none of those that FMUs are built for."""
+    architecture = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine.machine().lower(), machine.machine().lower())
+    name = f"{machine.system().lower()}-{architecture}"
+    if name not in PLATFORMS:
+        raise CompilerMissing(f"no FMU can be built for this machine ({name})", fix=f"choose {', '.join(PLATFORMS)}")
+    return PLATFORMS[name]
+
+
+def find(names: Sequence[str] | None) -> list[Platform]:
+    """The platforms of these names; this machine's, if none are given. Raises: NotExportable, CompilerMissing."""
+    for name in names or ():
+        if name not in PLATFORMS:
+            raise NotExportable(f"there is no platform `{name}`", fix=nearest(name, PLATFORMS))
+    return [PLATFORMS[name] for name in dict.fromkeys(names)] if names else [host()]
+
+
+# ---- object code ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One block type's kernels, or the loop, as it goes into one object file."""
+
+    name: str
+    sources: tuple[Source, ...]
+
+
+def units(model: Model) -> tuple[list[Unit], list[str]]:
+    """The loop and the block types of a model, and the symbol of each call's function."""
+    functions = tuple(replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (loop.run, loop.execute))
+    found: dict[tuple[object, ...], Unit] = {}
+    owner: dict[str, str] = {}
+    for name, component in model.network.components.items():
+        key = (id(component.declaration), *component.constants().items())
+        if key not in found:
+            found[key] = _unit(component, f"block{len(found)}")
+        owner[name] = found[key].name
+    symbols = [f"{owner[call.component]}_{call.function.name}" for call in model.table.calls]
+    return [Unit("engine", functions), *found.values()], symbols
+
+
+def _unit(component: Component, name: str) -> Unit:
+    sources = [block_source(component.declaration, f, component.constants()) for f in component.declaration.functions]
+    return Unit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources))
+
+
+class Objects:
+    """Object code of units, from the cache or compiled now; the IR of a unit is made once for all platforms."""
+
+    def __init__(self) -> None:
+        self._ir: dict[str, str] = {}
+
+    def of(self, unit: Unit, platform: Platform) -> bytes:
+        """The object code of a unit. Raises: KernelError."""
+        entry = f"fmu-{platform.name}-{self._key(unit, platform)}"
+        code = cache.read(entry)
+        if code is not None:
+            return code
+        from cosim.compiling import compiler
+
+        if unit.name not in self._ir:
+            ir = compiler.compile_ir(unit.name, unit.sources)
+            for symbol in (s.symbol for s in unit.sources):
+                ir = ir.replace(f"define i32 @{symbol}(", f"define hidden i32 @{symbol}(")
+            self._ir[unit.name] = ir
+        symbols = [s.symbol for s in unit.sources]
+        code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", symbols, unit.name)
+        if not any(obstacle(source.fingerprint) for source in unit.sources):
+            cache.write(entry, code)
+        return code
+
+    def _key(self, unit: Unit, platform: Platform) -> str:
+        parts = [Path(__file__).read_text(), *cache.toolchain(), platform.triple, platform.cpu]
+        parts += [source.symbol + source.fingerprint for source in unit.sources]
+        return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+
+
+# ---- linking ----------------------------------------------------------------------------------------------------
+
+
+def library(model: Model, version: str, token: str, platform: Platform, objects: Objects, folder: Path) -> Path:
+    """The shared library of a model in a work folder. Raises: KernelError, CompilerMissing, BuildFailed."""
+    folder.mkdir(parents=True)
+    parts, symbols = units(model)
+    (folder / "layout.h").write_text(c_source.layout())
+    (folder / "model.c").write_text(c_source.model(model, version, token, symbols))
+    files = [str(folder / "model.c")]
+    files += [str(WRAPPER / name) for name in ("instance.c", "evaluation.c", "snapshot.c", f"fmi{version[0]}.c")]
+    for unit in parts:
+        path = folder / f"{unit.name}.o"
+        path.write_bytes(objects.of(unit, platform))
+        files.append(str(path))
+    path = folder / f"{model.identifier}{platform.suffix}"
+    command = [*compiler(platform), *_FLAGS, *_link_flags(platform), f"-I{folder}", f"-I{WRAPPER}", f"-I{headers()}"]
+    _run([*command, "-o", str(path), *files, *(["-lm"] if platform.system == "linux" else [])], platform)
+    return path
+
+
+def headers() -> Path:
+    """FMI's own C headers, which FMPy has with it. Raises: CompilerMissing."""
+    found = importlib.util.find_spec("fmpy")
+    if found is None or found.origin is None:
+        raise CompilerMissing("FMI's C headers come with FMPy, which is not installed", fix="pip install fmpy")
+    return Path(found.origin).parent / "c-code"
+
+
+def compiler(platform: Platform) -> list[str]:
+    """The command of a C compiler for a platform. Raises: CompilerMissing."""
+    native = next((path for path in map(shutil.which, ("gcc", "cc", "clang")) if path), None)
+    if native and platform.name == _host_name():
+        return [native]
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
+    message = f"there is no C compiler for {platform.name}"
+    fix = "`pip install ziglang`, which builds for all platforms"
+    if platform.name == _host_name():
+        fix = f"install gcc, or {fix}"
+    raise CompilerMissing(message, fix=fix)
+
+
+def _host_name() -> str:
+    try:
+        return host().name
+    except CompilerMissing:
+        return ""
+
+
+def _link_flags(platform: Platform) -> list[str]:
+    """Nothing undefined, nothing of others bound, nothing exported but FMI's functions."""
+    if platform.system == "linux":
+        return ["-shared", "-fPIC", "-s", "-Wl,-Bsymbolic", "-Wl,-z,defs"]
+    return ["-shared", "-s"] if platform.system == "windows" else ["-shared", "-fPIC"]
+
+
+def _run(command: list[str], platform: Platform) -> None:
+    environment = os.environ | {"LC_ALL": "C"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if "error" in line or "undefined" in line] or [done.stderr]
+        raise BuildFailed(f"{Path(command[0]).name} cannot build the FMU for {platform.name}: {lines[0].strip()}")

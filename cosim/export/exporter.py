@@ -1,0 +1,94 @@
+"""Exports blocks of a diagram as a native FMU: the same kernels and the same loop, with no Python at run time."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tempfile
+import uuid
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from cosim.errors import NotExportable, ResultError, nearest
+from cosim.export import build, model_description, subnetwork
+from cosim.export.model import Model, describe
+from cosim.machine import files
+from cosim.wiring.network import Network
+
+VERSIONS = ("2.0", "3.0")
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # in the archive, so that the same blocks give the same file
+DESCRIPTION_HEAD = 64 * 1024  # bytes of a description, in which it says what tool made it
+
+
+def export_fmu(
+    network: Network,
+    blocks: Sequence[str],
+    output: str | Path,
+    fmi_version: str = "3.0",
+    platforms: Sequence[str] | None = None,
+    member: int = 1,
+) -> Path:
+    """Write some blocks of a wired diagram (none: all) as one FMU for Co-Simulation and Model Exchange.
+
+    Blocks that are all mapped by the same fleet are exported as one member of it, with the values of number `member`
+    (from 1) as start values; a mixture is exported with arrays over the fleet. Returns the path written.
+    platforms: names of `build.PLATFORMS`; this machine's, if none are given.
+    Raises: UnknownBlock, NotExportable, WrongValue, KernelError, CompilerMissing, BuildFailed,
+    ResultError where something stands at `output` that this function did not write.
+    """
+    if fmi_version not in VERSIONS:
+        raise NotExportable(f"FMI {fmi_version} cannot be written", fix=nearest(fmi_version, VERSIONS))
+    targets = build.find(platforms)
+    output = Path(output)
+    refuse_foreign(output)
+    model = describe(subnetwork.cut(network, blocks, member), _identifier(output.stem))
+    token = _token(model, fmi_version)
+    objects = build.Objects()
+    with tempfile.TemporaryDirectory(prefix="cosim-fmu-") as work:
+        members = {"modelDescription.xml": model_description.write(model, fmi_version, token)}
+        for platform in targets:
+            library = build.library(model, fmi_version, token, platform, objects, Path(work) / platform.name)
+            members[f"binaries/{platform.folder(fmi_version)}/{library.name}"] = library.read_bytes()
+    _pack(output, members)
+    return output
+
+
+def refuse_foreign(output: Path) -> None:
+    """Raises: ResultError where something stands that `export_fmu` did not write."""
+    files.refuse_foreign(output, "an FMU of this program", _is_ours)
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
+            return f'generationTool="{model_description.TOOL}"'.encode() in file.read(DESCRIPTION_HEAD)
+    except (zipfile.BadZipFile, KeyError, EOFError, zlib.error):
+        return False
+
+
+def _identifier(name: str) -> str:
+    """A C identifier, as FMI wants of the library's name."""
+    name = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"_{name}" if not name or name[0].isdigit() else name
+
+
+def _token(model: Model, version: str) -> str:
+    """The same for the same content: of the description, and of the code that computes it."""
+    parts, _ = build.units(model)
+    code = "".join(source.symbol + source.fingerprint for unit in parts for source in unit.sources)
+    digest = hashlib.sha256(model_description.write(model, version, "") + code.encode()).digest()
+    return f"{{{uuid.UUID(bytes=digest[:16])}}}"
+
+
+def _pack(output: Path, members: dict[str, bytes]) -> None:
+    """Raises: ResultError."""
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        with files.fresh(output) as new, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in members.items():
+                archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
+    except OSError as error:
+        fix = "choose a folder that you may write to"
+        raise ResultError(f"cannot write {output}: {error.strerror}", fix=fix) from None

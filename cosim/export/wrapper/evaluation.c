@@ -1,0 +1,298 @@
+/* Computing: initial values, outputs, derivatives, steps and sample instants, all by the loop of `cosim.engine.loop`. */
+#include "instance.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static const double ROUNDING = 1e-9; /* relative to a step: what rounding may do to a time */
+
+/* ---- calling the loop ---------------------------------------------------------------------------------------- */
+
+/* What went wrong, with `#` doubled, as FMI's log messages want it. */
+static void fault_text(const Fault *fault, char *text, size_t size) {
+    char plain[512];
+    snprintf(plain, sizeof plain, fault->text ? fault->text : "an error", (long long)fault->first,
+             (long long)fault->second);
+    size_t n = 0;
+    for (const char *c = plain; *c && n + 2 < size; c++) {
+        if (*c == '#') text[n++] = '#';
+        text[n++] = *c;
+    }
+    text[n] = 0;
+}
+
+static Status explain(Instance *i, int32_t status, double time) {
+    const int64_t *c = i->control;
+    if (status == ENGINE_NON_FINITE) {
+        const uint64_t place = (uint64_t)c[ENGINE_ELEMENT];
+        const char *name = "a local variable";
+        for (uint32_t v = 0; v < model.n_variables; v++) {
+            const Variable *variable = &model.variables[v];
+            const uint64_t end = variable->offset + size_of(variable->type) * (uint64_t)variable->count;
+            if (variable->offset <= place && place < end) name = variable->name;
+        }
+        return tell(i, ERROR, LOG_ERROR, "`%s` is not finite, or beyond 1e100, at t = %g s: try a smaller step", name,
+                    time);
+    }
+    const int64_t *operation = model.operations + c[ENGINE_AT] * ENGINE_OPERATION_WORDS;
+    const int64_t function = operation[ENGINE_A];
+    uint8_t *frame = i->arena + operation[ENGINE_B];
+    Fault fault;
+    char text[768];
+    memcpy(&fault, frame, sizeof fault);
+    memset(frame, 0, sizeof fault);
+    fault_text(&fault, text, sizeof text);
+    return tell(i, status == FATAL ? FATAL : ERROR, LOG_ERROR, "%s: %s in %s() at t = %g s", model.blocks[function],
+                text, model.labels[function], fault.text ? fault.time : time);
+}
+
+static double grid_time(const Instance *i) {
+    const Progress *at = &i->at;
+    return at->origin + (double)(at->k - at->origin_step) * at->step;
+}
+
+static Status conclude(Instance *i, int32_t status, int64_t warnings, double time) {
+    if (status > ENGINE_WARNING) return explain(i, status, time);
+    if (i->control[ENGINE_WARNINGS] == warnings) return OK;
+    return tell(i, WARNING, LOG_WARNING, "a block warned at t = %g s", time);
+}
+
+/* Operations that do not depend on sample instants. */
+static Status execute(Instance *i, Range range, double time) {
+    int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
+    if (range.begin == range.end) return OK;
+    c[ENGINE_POINT_BEGIN] = range.begin;
+    c[ENGINE_POINT_END] = range.end;
+    return conclude(i, engine_execute(time, i->arena, c), warnings, time);
+}
+
+/* The same in the middle of the initialization, when what comes later has not been written yet. */
+static Status execute_part(Instance *i, Range range, double time) {
+    int64_t *c = i->control;
+    c[ENGINE_N_PUBLISHED] = c[ENGINE_N_PUBLISHED32] = 0;
+    const Status status = execute(i, range, time);
+    c[ENGINE_N_PUBLISHED] = (int64_t)model.n_published;
+    c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
+    return status;
+}
+
+/* n steps from step k; for n = 0 the operations of `point` once, as of step k. */
+static Status run(Instance *i, Range point, int64_t n) {
+    int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
+    c[ENGINE_POINT_BEGIN] = point.begin;
+    c[ENGINE_POINT_END] = point.end;
+    c[ENGINE_BETWEEN_BEGIN] = model.between.begin;
+    c[ENGINE_BETWEEN_END] = model.between.end;
+    c[ENGINE_STEP] = i->at.k;
+    c[ENGINE_LAST] = i->at.k + n;
+    c[ENGINE_FINAL] = n == 0;
+    c[ENGINE_ORIGIN_STEP] = i->at.origin_step;
+    memcpy(&c[ENGINE_ORIGIN], &i->at.origin, sizeof(double));
+    const int32_t status = engine_run(i->at.step, i->arena, c);
+    i->at.k = c[ENGINE_STEP];
+    return conclude(i, status, warnings, grid_time(i));
+}
+
+static Status worse(Status a, Status b) {
+    return a > b ? a : b;
+}
+
+/* ---- values at one time -------------------------------------------------------------------------------------- */
+
+static Status initialize(Instance *i) {
+    Range part = {model.initial.begin, model.initial.begin};
+    Status status = OK;
+    for (uint32_t s = 0; s < model.n_started && status < ERROR; s++) {
+        const Started *started = &model.started[s];
+        part.end = started->operation + 1;
+        status = worse(status, execute_part(i, part, i->at.start));
+        part.begin = part.end;
+        const uint8_t *shadow = i->arena + started->shadow;
+        for (uint64_t b = 0; b < started->bytes; b++)
+            if (shadow[started->bytes + b]) i->arena[started->offset + b] = shadow[b];
+    }
+    part.end = model.initial.end;
+    if (status < ERROR) status = worse(status, execute(i, part, i->at.start));
+    i->at.calculate_stale = i->at.outputs_stale = status >= ERROR;
+    i->at.derivatives_stale = 1;
+    return status;
+}
+
+static Status evaluate(Instance *i) {
+    const bool sampled = i->interface == CO_SIMULATION || i->at.sampling;
+    const Status status = sampled ? run(i, model.point, 0) : execute(i, model.held, i->at.time);
+    i->at.outputs_stale = status >= ERROR;
+    return status;
+}
+
+static Status calculate(Instance *i) {
+    if (!i->at.calculate_stale) return OK;
+    const Status status = execute(i, model.calculate, i->at.time);
+    i->at.calculate_stale = status >= ERROR;
+    return status;
+}
+
+static Status provide(Instance *i, Need need) {
+    Progress *at = &i->at;
+    Status status = OK;
+    if (need == NOTHING || at->phase & (INSTANTIATED | FAILED)) return OK;
+    if (at->phase == INITIALIZATION) {
+        if (at->outputs_stale || at->calculate_stale) status = initialize(i);
+    } else {
+        status = calculate(i);
+        if (status < ERROR && need > CALCULATED && at->outputs_stale) status = worse(status, evaluate(i));
+    }
+    if (status < ERROR && need == DIFFERENTIATED && at->derivatives_stale) {
+        const double time = i->interface == CO_SIMULATION ? grid_time(i) : at->time;
+        status = worse(status, execute(i, model.derivatives, time));
+        at->derivatives_stale = status >= ERROR;
+    }
+    return status;
+}
+
+Status refresh(Instance *i, const Variable *v) {
+    const bool started = i->at.phase == INITIALIZATION && v->kind == CONTINUOUS_STATE;
+    const Need need = started ? EVALUATED : (Need)v->need;
+    if (need > CALCULATED && i->at.phase == STEP && i->at.inputs_set)
+        return tell(i, ERROR, LOG_ERROR,
+                    "`%s` cannot be read: something was set since the last step, and Co-Simulation computes in steps "
+                    "only (FMI 3 can in Event Mode)",
+                    v->name);
+    return provide(i, need);
+}
+
+Status get_derivatives(Instance *i, double *values) {
+    const Status status = provide(i, DIFFERENTIATED);
+    if (status < ERROR && model.n_states) memcpy(values, i->arena + model.d, 8 * model.n_states);
+    return status;
+}
+
+Status get_states(Instance *i, double *values) {
+    const Status status = i->at.phase == INITIALIZATION ? provide(i, EVALUATED) : OK;
+    if (status < ERROR && model.n_states) memcpy(values, i->arena + model.x, 8 * model.n_states);
+    return status;
+}
+
+void set_states(Instance *i, const double *values) {
+    if (model.n_states) memcpy(i->arena + model.x, values, 8 * model.n_states);
+    i->at.outputs_stale = i->at.derivatives_stale = 1;
+}
+
+void set_time(Instance *i, double time) {
+    i->at.time = time;
+    i->at.outputs_stale = i->at.derivatives_stale = 1;
+}
+
+/* ---- from phase to phase ------------------------------------------------------------------------------------- */
+
+static int64_t sample_after(int64_t k) {
+    int64_t next = INT64_MAX;
+    for (uint32_t p = 0; p < model.n_periods; p++) {
+        const int64_t candidate = (k / model.periods[p] + 1) * model.periods[p];
+        if (candidate < next) next = candidate;
+    }
+    return next;
+}
+
+Status enter_initialization(Instance *i, double start, bool stop_defined, double stop) {
+    if (!isfinite(start) || (stop_defined && !(stop >= start)))
+        return tell(i, ERROR, LOG_ERROR, "the start time %g s and the stop time %g s make no sense", start, stop);
+    Progress *at = &i->at;
+    at->start = at->time = at->origin = start;
+    at->stop_defined = stop_defined;
+    at->stop = stop;
+    at->phase = INITIALIZATION;
+    at->calculate_stale = at->outputs_stale = at->derivatives_stale = 1;
+    return OK;
+}
+
+Status exit_initialization(Instance *i, Phase next) {
+    const Status status = provide(i, EVALUATED);
+    if (status >= ERROR) return status;
+    i->at.phase = next;
+    i->at.sampling = i->interface == MODEL_EXCHANGE && model.n_periods > 0;
+    i->at.next = sample_after(0);
+    return worse(status, tell(i, OK, LOG_EVENTS, "initialized at t = %g s", i->at.start));
+}
+
+bool next_event(Instance *i, double *time) {
+    if (i->interface != MODEL_EXCHANGE || model.n_periods == 0) return false;
+    *time = i->at.origin + (double)i->at.next * model.step;
+    return true;
+}
+
+Status enter_event_mode(Instance *i) {
+    double due;
+    i->at.phase = EVENT;
+    i->at.inputs_set = 0;
+    if (!next_event(i, &due) || i->at.time < due - ROUNDING * model.step) return OK;
+    i->at.k = i->at.next;
+    i->at.next = sample_after(i->at.k);
+    i->at.sampling = 1;
+    i->at.outputs_stale = i->at.derivatives_stale = 1;
+    return tell(i, OK, LOG_EVENTS, "sampled at t = %g s", due);
+}
+
+static uint64_t hash_discrete(Instance *i) {
+    uint64_t hash = HASH_BEGIN;
+    for (uint32_t v = 0; v < model.n_variables; v++) {
+        const Variable *variable = &model.variables[v];
+        if (variable->kind != DISCRETE_OUTPUT) continue;
+        hash = hash_bytes(hash, address(i, variable, 0), variable->count * size_of(variable->type));
+    }
+    return hash;
+}
+
+Status leave_event_mode(Instance *i, Phase next) {
+    Status status = i->interface == MODEL_EXCHANGE ? provide(i, EVALUATED) : OK;
+    if (status < ERROR && i->at.sampling) {
+        /* The inputs have settled: now the sampled states' next values, which the next instant publishes. */
+        status = worse(status, run(i, model.update, 0));
+        i->at.sampling = 0;
+    }
+    if (status >= ERROR) return status;
+    i->at.discrete = hash_discrete(i);
+    i->at.phase = next;
+    return status;
+}
+
+Status complete_step(Instance *i, bool *event) {
+    const Status status = provide(i, EVALUATED);
+    *event = status < ERROR && hash_discrete(i) != i->at.discrete;
+    return status;
+}
+
+/* The time of step k is kept on a grid as long as the importer's times lie on it within rounding, so that a run gets
+ * the same times as the diagram that it was exported from. */
+static void follow(Progress *at, double time, double step) {
+    const double expected = at->origin + (double)(at->k - at->origin_step) * at->step;
+    if (step != at->step || fabs(time - expected) > ROUNDING * step) {
+        at->origin = time;
+        at->origin_step = at->k;
+        at->step = step;
+    }
+}
+
+Status do_step(Instance *i, double time, double size) {
+    Progress *at = &i->at;
+    if (!(size > 0) || !isfinite(size))
+        return tell(i, ERROR, LOG_ERROR, "doStep: a step of %g s is not positive", size);
+    if (!(fabs(time - at->time) <= 1e-6 * size + 1e-12 * fabs(time)))
+        return tell(i, ERROR, LOG_ERROR, "doStep: begins at t = %.17g s, but this is at %.17g s", time, at->time);
+    if (at->stop_defined && time + size > at->stop + 1e-6 * size)
+        return tell(i, ERROR, LOG_ERROR, "doStep: ends at t = %g s, after the stop time %g s", time + size, at->stop);
+    const double n = fmax(1, ceil(size / model.step - ROUNDING));
+    double step = size / n;
+    if (fabs(step - model.step) <= ROUNDING * model.step) step = model.step;
+    if (model.n_periods && step != model.step)
+        return tell(i, DISCARD, LOG_WARNING, "doStep: sampled blocks need a multiple of %g s, not %g s", model.step, size);
+    Status status = calculate(i);
+    if (status >= ERROR) return status;
+    follow(at, time, step);
+    status = worse(status, run(i, model.point, (int64_t)n));
+    at->time = time + size;
+    at->outputs_stale = at->derivatives_stale = 1;
+    at->inputs_set = 0;
+    return status;
+}

@@ -1,0 +1,102 @@
+/* What a generated model.c says of one exported model: the table of `cosim.engine.table` as constants.
+ *
+ * All offsets are bytes from the begin of the arena, so that every instance is a copy of the arena's image. */
+#ifndef COSIM_MODEL_H
+#define COSIM_MODEL_H
+
+#include <stdint.h>
+
+/* The C ABI of kernels and of the loop, see `cosim.compiling.kernels`; the result is an FMI status. */
+typedef int32_t (*Kernel)(double time, uint8_t *base, int64_t *frame);
+
+/* What a kernel that fails leaves at the begin of its frame, see `cosim.compiling.checks`. text: a format for both numbers. */
+typedef struct {
+    const char *text;
+    int64_t first, second, instance;
+    double time;
+} Fault;
+
+typedef enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN } Type;
+
+/* What must have been computed before a variable can be read. */
+typedef enum { NOTHING, CALCULATED, EVALUATED, DIFFERENTIATED } Need;
+
+/* A variable: `count` elements side by side. settable: the phases in which it may be set (see instance.h). */
+typedef struct {
+    const char *name;
+    uint64_t offset;
+    uint32_t count;
+    uint8_t type;
+    uint8_t need;
+    uint8_t settable;
+    uint8_t kind; /* a Kind */
+} Variable;
+
+/* DISCRETE_OUTPUT: one that is no real, and changes whenever what it is computed from does. */
+typedef enum { TIME, PARAMETER, CONTINUOUS_STATE, DISCRETE_OUTPUT, OTHER } Kind;
+
+/* FMI 2: one element of a variable. */
+typedef struct {
+    uint32_t variable;
+    uint32_t element;
+} Scalar;
+
+/* Operations begin … end-1 of the table. */
+typedef struct {
+    int64_t begin, end;
+} Range;
+
+/* A state that a `start` function computes, right after `operation`, unless its own value was set: `shadow` holds
+ * set values, and the bytes behind them whether each byte was set. */
+typedef struct {
+    int64_t operation;
+    uint64_t offset, bytes, shadow;
+} Started;
+
+/* Words of the arena that are not zero at first. */
+typedef struct {
+    uint64_t offset;
+    uint32_t first, words; /* in `Model.words` */
+} Segment;
+
+typedef struct {
+    const char *token; /* FMI 2 guid, FMI 3 instantiationToken */
+    double step;       /* the communication step of the diagram (s), the longest inner step */
+
+    uint64_t arena_bytes;
+    const Segment *segments;
+    uint32_t n_segments;
+    const uint64_t *words;
+
+    const int64_t *operations, *banks;
+    const Kernel *functions;
+    const char *const *labels; /* of each function: the block and the function's name */
+    const char *const *blocks; /* of each function: the block */
+
+    uint64_t n_states;
+    uint64_t x, w, start, sum, d; /* the vectors of states, see engine.py */
+    uint64_t published, n_published, published32, n_published32; /* what else has to be finite */
+
+    Range initial;         /* calculated parameters, start values, outputs at the start time */
+    Range calculate;       /* calculated parameters; the first part of `initial` */
+    Range point, between;  /* at a communication point, and between two */
+    Range held;            /* outputs while sampled blocks hold theirs */
+    Range derivatives;     /* derivatives of all states from what is published */
+    Range update;          /* the next values of sampled states */
+    const Started *started;
+    uint32_t n_started;
+    const int64_t *periods; /* of sampled blocks, in steps */
+    uint32_t n_periods;
+
+    const Variable *variables;
+    uint32_t n_variables;
+    const Scalar *scalars; /* FMI 2 only */
+    uint32_t n_scalars;
+} Model;
+
+extern const Model model;
+
+int32_t engine_run(double step, uint8_t *base, int64_t *control);
+int32_t engine_execute(double time, uint8_t *base, int64_t *control);
+
+#endif

@@ -1,0 +1,99 @@
+"""The tables that the adapter walks, in words of 64 bits: filled by `cosim.fmu.instance`, read by `cosim.fmu.adapter`.
+
+A frame is ``[fault…, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that
+all calls of one block share, `plan` of one of the call's own. A plan lists rows, one for each variable exchanged.
+"""
+
+from cosim.compiling.adapters import INSTANCES
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+
+# A frame's words before the arguments.
+COUNT, LINK, PLAN, FIRST = range(INSTANCES, INSTANCES + 4)
+
+# What all calls of a block share. Functions are addresses, 0 where the FMU has none.
+LINK_WORDS = 48
+(
+    VERSION,
+    KIND,
+    RECORDS,
+    STATES,
+    INDICATORS,
+    BUFFER,  # the states in the FMU's order
+    SIGNS,  # the event indicators
+    STEP,  # communication step, a float64 (s)
+    EXIT_INITIALIZATION,
+    SET_TIME,
+    SET_STATES,
+    GET_STATES,
+    GET_DERIVATIVES,
+    GET_INDICATORS,
+    COMPLETED_STEP,
+    ENTER_EVENT_MODE,
+    UPDATE_DISCRETE_STATES,
+    LEAVE_EVENT_MODE,
+    DO_STEP,
+    STATUS,  # of the call that failed
+    FAILED,  # its address, or one of the reasons below
+    ROW,  # the address of the row that it was for, or 0
+    INSTANCE,  # of which instance, from 0
+    WARNINGS,
+    CALLING,  # the address of the function that is being called, or was last
+    CALLED,  # how often a call has begun or ended: odd inside one
+    WORK,  # twice the states, for an integration across time events
+    INNER_STEP,  # of the states' integration, a float64 (s)
+    STAGES,  # how often it asks for derivatives in one
+    JOINT,  # whether other blocks read outputs inside it
+    SPLITS,  # how many inner steps had time events in them
+    ENDING,  # the address of a word that tells the loop to do no step after this communication point
+    ENDED,  # the instance that asked for the end of the simulation, from 1; 0: none
+    ENDED_AT,  # when, a float64 (s)
+    BOOLEAN_STATUS,
+    REAL_STATUS,
+    WARNED,  # the instance that warned first, from 1
+    WARNED_AT,  # when, a float64 (s)
+    ALONE,  # the address of a word that is 0 in a process that the FMU has forked
+    LEAVE,  # the address of _exit()
+    AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
+) = range(41)
+CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
+NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
+
+# One instance. INFO is four words for what a call hands back: fmi2EventInfo, and the same layout for FMI 3.
+RECORD_WORDS = 20
+(
+    HANDLE,
+    MODE,
+    EVENT_DUE,
+    NEXT_DEFINED,  # whether there is a next time event
+    NEXT,  # its time, a float64 (s)
+    CHANGED,  # an event has set states
+    INDICATOR_VALUES,
+    CLOCK,  # Model Exchange: the time that the FMU was told last, a float64 (s)
+    HANDLED,  # when it was in Event Mode last, a float64 (s)
+    REACHED,  # the communication point that it has got to, a float64 (s)
+    STAGE,  # of the integration, from 0
+    SPLIT,  # whether this inner step is done already, across time events
+    END_STATES,  # the address of the states at its end
+    SLOPES,  # the address of what then stands for the derivatives: the way there over the inner step
+    ENDS,  # it asked for the end of the simulation
+    INFO,
+) = range(16)
+RUNNING, EVENT = range(2)
+INFO_REAL = 24  # bytes from INFO to the number in it
+
+# What one call exchanges. The maps give (slot, element) for each state in the FMU's order.
+PLAN_WORDS = 9
+FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK = range(9)
+
+# One variable: the getter or setter, its value references, how many values, and where they are.
+ROW_WORDS = 10
+FUNCTION, REFERENCES, N_REFERENCES, N_VALUES, SLOT, CODE, STAGING, SHADOW, BYTES = range(9)
+PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed in STAGING
+
+MOST_ITERATIONS = 1000
+MOST_EVENTS = 1_000_000  # time events in one step
+ROUNDING = 1e-9  # of a communication step: what rounding may do to a time
+
+# What a call does for each instance.
+INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, BEGIN_EVENTS, END_EVENTS = range(9)

@@ -1,0 +1,299 @@
+"""A diagram as YAML says it: read, checked against the grammar, with the diagrams inside it unfolded.
+
+What blocks, ports and parameters mean is not known here: that is the wiring's concern.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cosim.errors import (
+    CosimError,
+    DiagramErrors,
+    MetricError,
+    Position,
+    Problems,
+    WrongFile,
+    WrongType,
+    WrongValue,
+)
+from cosim.language import grammar, source
+from cosim.language.embedding import Network, read_network
+from cosim.language.entry import BlockEntry
+from cosim.language.grammar import Reader
+from cosim.language.overlay import apply_settings, apply_swaps, read_layers
+from cosim.language.source import Node, describe
+from cosim.language.swaps import Swap
+
+__all__ = ["BlockEntry", "Diagram", "MetricEntry", "Record", "RunSettings", "load"]
+
+
+@dataclass
+class RunSettings:
+    """How long (s), in what steps (s) and by what method a diagram runs; `nodes` has what YAML says of each.
+
+    patience: for how long (s of wall-clock time) a call of an FMU may give no sign of life.
+    """
+
+    stop: float = math.nan
+    step: float = math.nan
+    method: str = "jacobi"
+    integrator: str = "euler"
+    inner_steps: int = 1
+    patience: float = 10.0
+    nodes: dict[str, Node] = field(default_factory=dict)
+
+    @property
+    def steps(self) -> int:
+        """The number of communication steps up to `stop`."""
+        return grammar.multiple(self.stop, self.step) or 0
+
+
+@dataclass
+class Record:
+    """Which signals (`block.port`) are recorded, and how often (s); position: where that is said."""
+
+    period: float
+    signals: list[Node]
+    position: Position
+
+
+@dataclass
+class MetricEntry:
+    """A reduction of a signal (`block.port`) over the window from `start` to `stop` (s)."""
+
+    name: str
+    signal: Node
+    reduce: str
+    start: float
+    stop: float
+    position: Position
+
+    def plain(self) -> dict[str, Any]:
+        """The entry without places, as YAML has it."""
+        window = {"from": self.start, "to": self.stop}
+        finite = {key: value for key, value in window.items() if math.isfinite(value)}
+        return {"signal": self.signal.value, "reduce": self.reduce, **finite}
+
+
+@dataclass
+class Diagram:
+    """A whole diagram, diagrams inside it unfolded (their blocks are called `outer/inner`).
+
+    inputs: the ports that each input of the diagram drives where it is a block of another; outputs: the port that each
+    output shows. files: all that were read, the diagram's own first. unread: the blocks that mistakes keep from being
+    understood, so that a wire to one is no further mistake. swaps: of blocks that are diagrams.
+    extended: the files that it extends.
+    """
+
+    title: str
+    path: Path
+    files: list[Path]
+    run: RunSettings
+    fleets: dict[str, int]
+    blocks: dict[str, BlockEntry]
+    record: Record | None
+    metrics: dict[str, MetricEntry]
+    inputs: dict[str, list[Node]]
+    outputs: dict[str, Node]
+    unread: set[str]
+    swaps: list[Swap]
+    extended: list[Path] = field(default_factory=list)
+
+    def resolved(self) -> str:
+        """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
+        sections: dict[str, Any] = {
+            "title": self.title,
+            "run": {key: getattr(self.run, key) for key in grammar.DIAGRAM["run"]},
+            "fleets": self.fleets,
+            "blocks": {name: entry.plain(self.path.parent) for name, entry in self.blocks.items()},
+            "metrics": {name: metric.plain() for name, metric in self.metrics.items()},
+            "inputs": {name: [node.value for node in nodes] for name, nodes in self.inputs.items()},
+            "outputs": {name: node.value for name, node in self.outputs.items()},
+        }
+        if self.record:
+            sections["record"] = {"period": self.record.period, "signals": [n.value for n in self.record.signals]}
+        return source.dump({key: value for key, value in sections.items() if value})
+
+
+def load(
+    path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = (), problems: Problems | None = None
+) -> Diagram:
+    """Read a diagram; `settings` as of --set, `swaps` as of --swap.
+
+    With `problems`, mistakes are collected there, and the diagram is returned as far as it can be understood.
+    Raises: DiagramErrors with all mistakes; with `problems`, only if the file or one that it extends cannot be read.
+    """
+    found = Problems() if problems is None else problems
+    try:
+        tree, files = read_layers(Path(path), found)
+    except CosimError as error:
+        found.add(error)
+        raise DiagramErrors(found.errors) from None
+    if is_study(tree):
+        message = f"`{path}` is a study, not a diagram"
+        place = tree.value["diagram"].place
+        raise DiagramErrors([WrongFile(message, place, f"cosim study {path}; its diagram is `{_named(tree, files)}`")])
+    tree = apply_settings(apply_swaps(tree, swaps, found), settings, found)
+    diagram = build(tree, files, found)
+    if problems is None:
+        note_inherited(diagram, found)
+        found.raise_if_any()
+    return diagram
+
+
+def is_study(tree: Node) -> bool:
+    """Whether a file is a study: it names the diagram that a diagram would be."""
+    return "diagram" in tree.value and "blocks" not in tree.value
+
+
+def _named(tree: Node, files: list[Path]) -> Path:
+    """The file that a study names as its diagram."""
+    return Path(os.path.normpath(files[0].parent / str(tree.value["diagram"].value)))
+
+
+def note_inherited(diagram: Diagram, problems: Problems) -> None:
+    """Let each mistake say so that lies in what the diagram, or a block of another type, only inherits."""
+    from_other_type = {
+        place: entry
+        for entry in diagram.blocks.values()
+        if entry.type.replaces
+        for section in ("parameters", "start", "inputs", "dimensions")
+        for node in getattr(entry, section).values()
+        if node.inherited
+        for place in _places(node)
+    }
+    extended = {str(path) for path in diagram.extended}
+    for error in problems.errors:
+        if error.position in from_other_type and isinstance(error.position, Position):
+            entry = from_other_type[error.position]
+            assert entry.type.replaces
+            said = f"inherited: written at {error.position} for {entry.type.replaces[1].value}"
+        elif error.position and error.position.file in extended and error.position.line:
+            said = f"inherited: {diagram.path} extends {error.position.file}"
+        else:
+            continue
+        if said not in error.message:
+            error.message += f" ({said})"
+            error.args = (error.message,)
+
+
+def _places(node: Node) -> Iterator[Position]:
+    yield from (node.position, node.place)
+    for child in node.value if isinstance(node.value, list) else ():
+        yield from _places(child)
+
+
+def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
+    """The diagram of a tree whose layers are merged; mistakes go to `problems`. files: those it was read from."""
+    reader = Reader(problems)
+    tree = grammar.conform(tree, problems)
+    path, extended = files[0], files[1:]
+    network = read_network(tree, path, files, reader)
+    sections = {key: node.value for key, node in tree.value.items()}
+    run = _run(tree, reader)
+    fleets, wrong = {}, set()
+    for name, node in sections.get("fleets", {}).items():
+        before = len(problems.errors)
+        fleets[name] = reader.count(node, f"fleets.{name}")
+        if len(problems.errors) > before:
+            wrong.add(name)
+    fleets = {name: count for name, count in fleets.items() if name not in wrong}
+    network.unread |= {entry.name for entry in network.blocks.values() if entry.per and entry.per.value in wrong}
+    for entry in network.blocks.values():
+        period = entry.period
+        if period and not _is_multiple(period, f"blocks.{entry.name}.period", period.value, run.step, reader):
+            entry.period = None
+    title = reader.text(tree.value["title"], "title") if "title" in tree.value else path.stem
+    record = _record(tree.value["record"], network, run, reader) if "record" in tree.value else None
+    metrics = {name: _metric(name, node, network, reader) for name, node in sections.get("metrics", {}).items()}
+    known = {name: metric for name, metric in metrics.items() if metric}
+    blocks, inputs, outputs, unread = network.blocks, network.inputs, network.outputs, network.unread
+    return Diagram(
+        title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, network.swaps, extended
+    )
+
+
+def _run(tree: Node, reader: Reader) -> RunSettings:
+    """The run's settings; `stop` is a whole number of steps."""
+    section = tree.value.get("run", tree)
+    nodes = section.value if "run" in tree.value else {}
+    run = RunSettings(nodes=nodes)
+    for key, example in (("stop", "30"), ("step", "1.0e-3")):
+        if key in nodes:
+            setattr(run, key, reader.positive(nodes[key], f"run.{key}", math.nan))
+        else:
+            reader.missing(section, f"the diagram has no `run.{key}`", f"write run: {{{key}: {example}}}")
+    if "method" in nodes:
+        run.method = reader.choice(nodes["method"], "run.method", grammar.METHODS)
+    if "integrator" in nodes:
+        run.integrator = reader.choice(nodes["integrator"], "run.integrator", grammar.INTEGRATORS)
+    if "inner_steps" in nodes:
+        run.inner_steps = reader.count(nodes["inner_steps"], "run.inner_steps", grammar.MOST_INNER_STEPS)
+    if "patience" in nodes:
+        run.patience = reader.positive(nodes["patience"], "run.patience", run.patience)
+    if "stop" in nodes:
+        _is_multiple(nodes["stop"], "run.stop", run.stop, run.step, reader)
+    return run
+
+
+def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reader) -> bool:
+    """Whether a time is a whole number of steps; if not, a report whose fix is the nearest one that is."""
+    if math.isnan(value) or math.isnan(step):
+        return False
+    if grammar.multiple(value, step):
+        return True
+    ratio = value / step
+    fix = "choose a larger `run.step`" if ratio >= 2**53 else f"such as {max(round(ratio), 1) * step:.12g}"
+    message = f"`{name}` of {value:g} s is not a whole number of steps of {step:g} s"
+    reader.wrong(node, message, fix, WrongValue)
+    return False
+
+
+def _record(node: Node, network: Network, run: RunSettings, reader: Reader) -> Record:
+    """What is recorded; each step, if no period is given."""
+    period, place = run.step, node.place
+    if "period" in node.value:
+        place = node.value["period"].position
+        period = reader.positive(node.value["period"], "record.period", math.nan)
+        _is_multiple(node.value["period"], "record.period", period, run.step, reader)
+    signals = node.value.get("signals") or Node([], node.position)
+    if not isinstance(signals.value, list):
+        message = f"`record.signals` must be a list, not {describe(signals)}"
+        reader.wrong(signals, message, "such as signals: [plant.x]", WrongType)
+        return Record(period, [], place)
+    named = reader.endpoints(signals, "record.signals")
+    first: dict[str, Node] = {}
+    for said in named:
+        if first.setdefault(said.value, said) is not said:
+            reader.wrong(said, f"`{said.value}` is recorded twice", "write it once", WrongValue)
+    known = [network.rewired(n, reader.problems) for n in named]
+    return Record(period, known, place)
+
+
+def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEntry | None:
+    """One metric; None if it has no signal or no reduction."""
+    entries, where = node.value, f"metrics.{name}"
+    missing = [key for key in ("signal", "reduce") if key not in entries]
+    for key in missing:
+        fix = "write signal: block.port" if key == "signal" else f"one of: {', '.join(grammar.REDUCTIONS)}"
+        reader.missing(node, f"metric `{name}` has no `{key}`", fix)
+    if missing or not reader.endpoint(entries["signal"], f"{where}.signal"):
+        return None
+    reduce = reader.choice(entries["reduce"], f"{where}.reduce", grammar.REDUCTIONS)
+    start = reader.number(entries["from"], f"{where}.from", 0.0) if "from" in entries else 0.0
+    stop = reader.number(entries["to"], f"{where}.to", math.inf) if "to" in entries else math.inf
+    if not start <= stop:
+        message = f"metric `{name}`: its window ends at {stop:g} s, before it begins at {start:g} s"
+        reader.wrong(entries["to"], message, "exchange `from` and `to`", MetricError)
+        stop = math.inf
+    if start < 0:
+        message = f"metric `{name}`: its window begins at {start:g} s, before the run does"
+        reader.wrong(entries["from"], message, "such as 0, or leave `from` out", MetricError)
+    signal = network.rewired(entries["signal"], reader.problems)
+    return MetricEntry(name, signal, reduce, start, stop, node.place)

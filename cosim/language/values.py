@@ -1,0 +1,93 @@
+"""Numbers as a person writes them: nested lists of numbers and expressions, evaluated for a member of a fleet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import ExpressionError, Position, WrongShape, WrongType, WrongValue
+from cosim.language import expression
+from cosim.language.source import Node
+
+
+@dataclass(frozen=True)
+class Value:
+    """A nested list of leaves; a leaf is a number, a bool or an expression's text, with its place."""
+
+    content: Any
+    shape: tuple[int, ...]
+    position: Position
+
+    @classmethod
+    def of(cls, content: Any, position: Position) -> Value:
+        """A block's own default: a number, text, or nested sequences of them."""
+        if isinstance(content, (list, tuple, np.ndarray)):
+            parts = [cls.of(item, position) for item in content]
+            return cls(parts, (len(parts), *(parts[0].shape if parts else ())), position)
+        return cls(content, (), position)
+
+    @classmethod
+    def read(cls, node: Node, name: str) -> Value:
+        """What a diagram gives. Raises: WrongShape for ragged lists, WrongType for anything but numbers."""
+        if isinstance(node.value, list):
+            parts = [cls.read(item, name) for item in node.value]
+            if any(part.shape != parts[0].shape for part in parts):
+                ragged = next(part for part in parts if part.shape != parts[0].shape)
+                fix = f"give every row the shape {parts[0].shape}"
+                raise WrongShape(f"{name}: the rows of the list differ in length", ragged.position, fix)
+            return cls(parts, (len(parts), *(parts[0].shape if parts else ())), node.position)
+        if isinstance(node.value, dict) or node.value is None:
+            kind = "a mapping" if isinstance(node.value, dict) else "nothing"
+            raise WrongType(f"{name}: a number or a list of numbers is needed, not {kind}", node.position, "such as 1")
+        if isinstance(node.value, float) and math.isnan(node.value):
+            raise WrongValue(f"{name}: `.nan` is no value to calculate with", node.position, "give a number")
+        return cls(node.value, (), node.position)
+
+    def member(self, k: int) -> Value:
+        """The k-th row (from 0)."""
+        return self.content[k]
+
+    def uses(self, name: str) -> bool:
+        """Whether an expression in it names a variable."""
+        if isinstance(self.content, list):
+            return any(part.uses(name) for part in self.content)
+        return isinstance(self.content, str) and name in expression.names(self.content)
+
+    def array(self, shape: tuple[int, ...], dtype: np.dtype, names: Mapping[str, float]) -> np.ndarray:
+        """Evaluated; a scalar fills the shape. Raises: ExpressionError, WrongValue."""
+        if self.shape == () and shape != ():
+            return np.full(shape, self._number(dtype, names), dtype)
+        return np.array(self._evaluate(dtype, names), dtype).reshape(shape)
+
+    def _evaluate(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
+        if isinstance(self.content, list):
+            return [part._evaluate(dtype, names) for part in self.content]
+        return self._number(dtype, names)
+
+    def _number(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
+        number = self.content
+        if dtype.hasobject:  # a text
+            return str(number)
+        if dtype.kind == "b" and number not in (0, 1):
+            raise WrongType(f"`{number}` is neither true nor false", self.position, "write true or false")
+        if dtype.kind != "b" and isinstance(number, bool):
+            word = str(number).lower()
+            raise WrongType(f"`{word}` is no number", self.position, f"write {int(number)}, if that is what is meant")
+        if isinstance(number, str):
+            try:
+                number = expression.evaluate(number, names)
+            except ExpressionError as error:
+                raise ExpressionError(error.message, self.position, error.fix) from None
+        if dtype.kind in "iu" and not float(number).is_integer():
+            raise WrongValue(f"{number} is no whole number", self.position, "give an integer")
+        if dtype.kind in "iu":
+            bounds = np.iinfo(dtype)
+            if not bounds.min <= number <= bounds.max:
+                raise WrongValue(f"{number} does not fit {dtype}", self.position, f"{bounds.min} … {bounds.max}")
+        if dtype.kind == "f" and math.isfinite(number) and abs(number) > float(np.finfo(dtype).max):
+            raise WrongValue(f"{number:g} does not fit {dtype}", self.position, f"at most {np.finfo(dtype).max:g}")
+        return dtype.type(number)

@@ -1,0 +1,1 @@
+"""Trajectories become figures and files."""

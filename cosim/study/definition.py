@@ -1,0 +1,179 @@
+"""What a study is: a diagram, its variants, a grid, random draws, and how the figures are tabulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import Position
+from cosim.language.source import Node
+from cosim.plot.figures import Figure
+
+METHODS = ("random", "latin-hypercube", "sobol")
+STATISTICS = ("max", "mean", "median", "min", "rms", "std")
+OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": "mean", "events": "max", "first": "min"}
+"""How a metric, by its reduction over a run, is reduced over several runs if nothing is said."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One named variant: a diagram, another or the study's own, with an overlay, swaps and settings on top of it."""
+
+    name: str
+    diagram: Path
+    diagram_position: Position
+    description: str = ""
+    overlay: Node | None = None
+    swaps: dict[str, Node] = field(default_factory=dict)
+    settings: dict[str, Node] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of the grid: the dotted paths that take its values together."""
+
+    name: str
+    paths: tuple[str, ...]
+    values: tuple[Any, ...]
+    node: Node
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all values are numbers."""
+        return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """The values as text: numbers with 12 digits, or with all where that does not tell two apart."""
+        short = tuple(_label(value, ".12g") for value in self.values)
+        return short if len(set(short)) == len(short) else tuple(_label(value, ".17g") for value in self.values)
+
+
+def _label(value: Any, style: str) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_label(item, style) for item in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return format(value, style) if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A random value at dotted paths: uniform from a to b, or normal with mean a and standard deviation b."""
+
+    paths: tuple[str, ...]
+    normal: bool
+    a: np.ndarray
+    b: np.ndarray
+    node: Node
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a signal has to satisfy at time zero for a draw to count: least ≤ every element ≤ most."""
+
+    signal: str
+    least: float
+    most: float
+    node: Node
+
+
+@dataclass(frozen=True)
+class Random:
+    """Random draws, the same ones for every variant and grid point."""
+
+    count: int
+    seed: int
+    method: str
+    draws: tuple[Draw, ...]
+    accept: tuple[Bounds, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One figure of a table: a metric, reduced over what the rows leave open.
+
+    statistic: one of STATISTICS, or a quantile from 0 to 1; None for that of OVER_RUNS. above, below: the share of runs
+    beyond a limit instead.
+    """
+
+    heading: str
+    metric: Node
+    statistic: str | float | None = None
+    above: float | None = None
+    below: float | None = None
+    format: str = ".3g"
+
+
+@dataclass(frozen=True)
+class TableLayout:
+    """A table: one row for each combination of the named dimensions, one column for each figure."""
+
+    title: str
+    rows: tuple[str, ...]
+    columns: tuple[Column, ...]
+    transpose: bool
+    node: Node
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A figure from elsewhere: what a variant's metric is according to `origin`."""
+
+    origin: str
+    variant: str
+    metric: Node
+    value: float
+
+
+@dataclass(frozen=True)
+class Question:
+    """Runs of `baseline` whose metric is not beyond the limit are looked at in every other variant."""
+
+    baseline: str
+    metric: Node
+    above: float | None
+    below: float | None
+
+
+@dataclass
+class Study:
+    """A study file, checked against the grammar.
+
+    metrics: the names to keep, None for all.
+    record: None, or what replaces the diagram's own recording, which an empty mapping leaves as it is.
+    """
+
+    title: str
+    description: str
+    path: Path
+    text: str
+    variants: dict[str, Variant]
+    grid: tuple[Axis, ...] = ()
+    random: Random | None = None
+    metrics: tuple[Node, ...] | None = None
+    added_metrics: Node | None = None
+    record: Node | None = None
+    tables: tuple[TableLayout, ...] = ()
+    references: tuple[Reference, ...] = ()
+    question: Question | None = None
+    figures: list[Figure] = field(default_factory=list)
+
+    @property
+    def records(self) -> bool:
+        """Whether members write their signals."""
+        return self.record is not None
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Where the study's references come from."""
+        return tuple(dict.fromkeys(reference.origin for reference in self.references))
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """The names of the study's dimensions, in order."""
+        return ("variant", *(axis.name for axis in self.grid), *(("draw",) if self.random else ()))

@@ -1,0 +1,127 @@
+"""What a member's result depends on, as a digest: a member whose key is known needs no run.
+
+Nothing is picked: everything that a run is handed is walked, field by field, so that a field that somebody adds is in
+the key. What is left out is named in `IGNORED`, with the reason; a value of an unknown kind is an error.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from cosim.authoring.declaration import Declaration
+from cosim.authoring.variables import Dimension, Variable
+from cosim.compiling.fingerprint import fingerprint
+from cosim.engine.simulation import Kernels
+from cosim.engine.table import Table
+from cosim.errors import Position
+from cosim.language.diagram import Diagram, RunSettings
+from cosim.language.entry import BlockEntry
+from cosim.language.source import Node
+from cosim.wiring import conditions
+from cosim.wiring.network import Component, Network
+
+IGNORED: dict[type, set[str]] = {
+    Table: {"network", "arena"},  # walked beside it; the arena is each member's own
+    Network: {"swaps"},  # what `cosim check` says
+    Diagram: {"title", "path", "files", "extended", "unread", "swaps"}  # names and words
+    | {"blocks", "inputs", "outputs"},  # what they are resolved to is in the components
+    RunSettings: {"nodes"},  # what YAML says of the other fields
+    Component: {"values"},  # each member's own
+    BlockEntry: {"type"}  # a name; what stands behind it is fed instead
+    | {"per", "parameters", "start", "inputs", "dimensions", "period", "integrator", "inner_steps"}  # in the component
+    | {"dropped", "unfit"},  # what is not there
+    Declaration: {"doc", "foreign"}  # words; an FMU is fed by its content
+    | {"home", "mistakes"}  # the class, whose functions are fed; with mistakes nothing runs
+    | {"rules"},  # a member that breaks them before it runs has no row; those that are judged along it are fed
+    Dimension: {"description"},
+}
+"""For each class the fields on which no figure depends, or that are in the key by another way."""
+
+_NO_FIGURES = ("commands", "plot", "report")
+"""The parts of this package that compute nothing of a row."""
+
+
+def structure(network: Network, table: Table, kernels: Kernels) -> bytes:
+    """The digest of all that members of one template share: the program, the network, the table, the kernels."""
+    digest = hashlib.sha256(program())
+    for part in (network, table):
+        _feed(digest, part)
+    modules = [module.meaning if module else "python" for module in (*kernels.modules.values(), kernels.loop)]
+    _feed(digest, modules)
+    for component, rule, _ in conditions.along(network):
+        _feed(digest, [component.name, rule.text, rule.source, fingerprint(rule.function)])
+    for component in network.components.values():
+        if component.entry.kind == "fmu":
+            digest.update(_content(component.entry.path, component.entry.path.stat().st_mtime_ns))
+        elif not component.declaration.compiled:
+            plain = [fingerprint(function.python, interpreted=True) for function in component.declaration.functions]
+            _feed(digest, plain)
+    return digest.digest()
+
+
+def key(shared: bytes, network: Network, table: Table) -> str:
+    """The key of one member: what it shares with others (`structure`), and all its values."""
+    digest = hashlib.sha256(shared)
+    digest.update(table.arena.tobytes())
+    for component in network.components.values():
+        for name, array in component.values.items():
+            digest.update(name.encode())
+            _feed(digest, array)
+    return digest.hexdigest()[:32]
+
+
+@cache
+def program() -> bytes:
+    """The digest of the program itself, as its files are now: it may be edited where it is installed."""
+    digest = hashlib.sha256(json.dumps([sys.version_info[:3], np.__version__]).encode())
+    root = Path(__file__).parents[1]
+    for path in sorted(root.rglob("*.py")):
+        if path.relative_to(root).parts[0] not in _NO_FIGURES:
+            digest.update(path.read_bytes())
+    return digest.digest()
+
+
+@cache
+def _content(path: Path, modified: int) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Add a value to a digest, in a form in which no two values are the same. Raises: TypeError for unknown kinds."""
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        digest.update(f"array {value.dtype.str} {value.shape} ".encode() + value.tobytes())
+    elif isinstance(value, np.ndarray):
+        _feed(digest, [*value.shape, *value.reshape(-1).tolist()])
+    elif isinstance(value, Mapping):
+        _feed(digest, list(value.items()))
+    elif isinstance(value, list | tuple):
+        digest.update(f"list {len(value)} ".encode())
+        for item in value:
+            _feed(digest, item)
+    elif isinstance(value, set | frozenset):
+        _feed(digest, sorted(value))
+    elif isinstance(value, FunctionType):
+        digest.update(f"function {fingerprint(value)} ".encode())
+    elif isinstance(value, Position):
+        pass  # where something is written changes no figure
+    elif isinstance(value, Node):
+        _feed(digest, value.plain())
+    elif isinstance(value, Variable):
+        _feed(digest, [type(value).__name__, {k: v for k, v in vars(value).items() if k != "description"}])
+    elif is_dataclass(value) and not isinstance(value, type):
+        known = [field.name for field in fields(value) if field.name not in IGNORED.get(type(value), ())]
+        _feed(digest, [type(value).__name__, {name: getattr(value, name) for name in known}])
+    elif value is None or isinstance(value, str | bool | int | float | np.generic | np.dtype):
+        digest.update(f"{type(value).__name__} {value!r} ".encode())
+    else:
+        raise TypeError(f"a {type(value).__name__} cannot be part of a member's key")

@@ -1,0 +1,139 @@
+"""The command line: finds the command, and turns every error and signal into a message and an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import json
+import signal
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+
+import cosim
+from cosim.errors import CosimError, Position, UsageError
+from cosim.machine import interruption, streams
+from cosim.terminal import notices
+from cosim.terminal.exits import BAD_INPUT, BY_SIGNAL, DONE, MEANINGS, STOPPED
+from cosim.terminal.usage import Parser
+
+COMMANDS = {
+    "run": "run a diagram and print its metrics",
+    "check": "validate a diagram without running it",
+    "blocks": "list the blocks, or show one",
+    "export": "write blocks of a diagram as an FMU",
+    "fmu": "show what an FMU file is",
+    "study": "run many variants, grid points and random draws of a diagram",
+    "report": "run studies, and write one HTML file with their tables and pictures",
+    "plot": "draw recorded signals, or animate a run",
+    "compare": "show two results side by side, and where they part",
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point. Returns the exit code, as of `cosim.terminal.exits`."""
+    began = time.perf_counter()
+    with streams.forgiving() as output, notices.printed():
+        if not faulthandler.is_enabled():
+            faulthandler.enable(file=streams.DESCRIPTORS["stderr"])
+        code = _run(sys.argv[1:] if arguments is None else arguments, began)
+        if failure := output.failure():
+            print(f"error: cannot write to standard output: {failure}", file=sys.stderr)
+            code = code or STOPPED
+    return code
+
+
+def _run(words: list[str], began: float) -> int:
+    try:
+        with interruption.heard() as heard:
+            with interruption.deferred() as interrupted:  # an import that is broken off may leave anything
+                parser = _parser(words)
+            interrupted.raise_if_wanted()
+            try:
+                options = parser.parse_args(words)
+            except UsageError as error:
+                return _failed(error, {}, "--json" in words)
+            options.began = began
+            return _command(options, heard)
+    except KeyboardInterrupt as stopped:
+        number = stopped.number if isinstance(stopped, interruption.Interrupted) else signal.SIGINT
+        print(" ".join((f"interrupted by {signal.Signals(number).name}", *_notes(stopped))), file=sys.stderr)
+        return BY_SIGNAL + number
+    except SystemExit as leaving:  # of --help
+        return leaving.code if isinstance(leaving.code, int) else DONE
+
+
+def _notes(error: BaseException) -> list[str]:
+    """What was added to an error on its way."""
+    return getattr(error, "__notes__", [])
+
+
+def _command(options: argparse.Namespace, heard: interruption.Interruption) -> int:
+    try:
+        return options.run(options)
+    except CosimError as error:
+        wrong = error
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        wrong = CosimError(f"{where}{error.strerror or error}")
+    except SystemExit as leaving:  # of a rule's function, for one: nobody has said why
+        wrong = _left(leaving)
+    except MemoryError:
+        wrong = CosimError("there is not enough memory", fix="run fewer members or steps at a time, or record less")
+    heard.raise_if_wanted()  # Python wraps what is raised in some calls, and an import may translate it
+    return _failed(wrong, _subject(options), getattr(options, "json", False))
+
+
+def _failed(error: CosimError, subject: dict[str, str], in_json: bool) -> int:
+    if in_json:
+        print(json.dumps({**subject, "status": "failed", "error": str(error)}, ensure_ascii=False))
+    sys.stdout.flush()
+    from cosim.terminal import screen
+
+    screen.print_errors(error)
+    return BAD_INPUT
+
+
+def _left(leaving: SystemExit) -> CosimError:
+    """An exit out of an author's code, which would end the program without a word, as a mistake at its line."""
+    import traceback
+
+    from cosim.authoring.author_source import shown
+
+    own = str(Path(__file__).parents[1])
+    frames = [f for f in traceback.extract_tb(leaving.__traceback__) if not f.filename.startswith((own, "<"))]
+    place = (
+        Position(shown(frames[-1].filename), frames[-1].lineno or 0, (frames[-1].colno or 0) + 1) if frames else None
+    )
+    asked = "" if leaving.code is None else repr(leaving.code)
+    message = f"a block's code asks the whole program to end: SystemExit({asked})"
+    return CosimError(message, place, 'a rule returns whether it holds; elsewhere raise ValueError("…")')
+
+
+def _subject(options: argparse.Namespace) -> dict[str, str]:
+    return {"diagram": str(options.diagram)} if hasattr(options, "diagram") else {}
+
+
+def _parser(words: list[str]) -> argparse.ArgumentParser:
+    """The parser; only the command that is wanted is imported."""
+    parser = Parser(
+        prog="cosim",
+        description="Co-simulation of block diagrams written in YAML.",
+        epilog=MEANINGS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"cosim {cosim.__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    wanted = next((word for word in words if not word.startswith("-")), "")
+    for name, text in COMMANDS.items():
+        command = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        if name == wanted:
+            module = import_module(f"cosim.terminal.commands.{name}")
+            module.arguments(command)
+            command.set_defaults(run=module.run)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

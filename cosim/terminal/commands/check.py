@@ -1,0 +1,25 @@
+"""`cosim check`: validate a diagram without running it."""
+
+from __future__ import annotations
+
+import argparse
+
+from cosim.engine import simulation, table
+from cosim.terminal import inspection
+from cosim.terminal.commands.options import diagram_arguments, load_network
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    diagram_arguments(parser)
+    help_ = "import no `python:` file, so that nothing of a stranger's diagram runs; says what it could not check"
+    parser.add_argument("--no-code", action="store_true", help=help_)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compile what a run needs, so that what it would refuse is refused; print blocks, wires, order, conditions."""
+    network = load_network(options, code=not options.no_code)
+    if not options.no_code:
+        simulation.compile_table(table.build(network, network.diagram.run.method))
+    inspection.print_network(network)
+    return 0

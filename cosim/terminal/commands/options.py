@@ -1,0 +1,25 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from cosim.wiring.network import Network
+
+
+def diagram_arguments(parser: argparse.ArgumentParser) -> None:
+    """A diagram, and what may be changed in it."""
+    parser.add_argument("diagram", type=Path, help="a YAML diagram")
+    parser.add_argument("--set", action="append", default=[], metavar="a.b.c=VALUE", help="change one value")
+    parser.add_argument("--swap", action="append", default=[], metavar="BLOCK=TYPE", help="another type for a block")
+    for name, text in (("stop", "end of the run (s)"), ("step", "communication step (s)"), ("method", "master method")):
+        parser.add_argument(f"--{name}", metavar=name.upper(), help=text)
+
+
+def load_network(options: argparse.Namespace, code: bool = True) -> Network:
+    """The wired diagram that the options name; code as of `wiring.wire`. Raises: DiagramErrors."""
+    from cosim.engine import run
+
+    settings = [f"run.{k}={v}" for k in ("stop", "step", "method") if (v := getattr(options, k)) is not None]
+    return run.load(options.diagram, [*options.set, *settings], options.swap, code)

@@ -1,0 +1,73 @@
+"""`cosim run`: run a diagram and print its metrics."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+from cosim.engine.run import ENGINES, Outcome, Run
+from cosim.errors import CosimError
+from cosim.machine import files
+from cosim.results import result_file
+from cosim.terminal import screen
+from cosim.terminal.commands.options import diagram_arguments, load_network
+from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    diagram_arguments(parser)
+    parser.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help="python: for breakpoints in blocks")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE.nc", help="result (default: results/<diagram>.nc)")
+    parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the diagram; 0 only if it completed."""
+    network = load_network(options)
+    output = options.output or Path("results") / f"{options.diagram.stem}.nc"
+    result_file.refuse_foreign(output)
+    files.require_ending(output, "a result", "nc")
+    if options.csv:
+        result_file.refuse_foreign_csv(options.csv)
+        files.require_ending(options.csv, "a table", "csv")
+    run = Run(network, options.engine, output, options.began)
+    previous = result_file.read_metrics(output, run.reductions) if output.exists() and output.stat().st_size else None
+    with screen.Progress(network.diagram.run.stop) as progress:
+        outcome = run.execute(progress.update)
+    if options.json:
+        print(outcome.as_json())
+    else:
+        _report(outcome, previous)
+    if outcome.error:
+        screen.print_errors(outcome.error)
+    if options.csv:
+        with result_file.open_result(output) as result:
+            result_file.write_csv(options.csv, result)
+    return _exit_code(outcome)
+
+
+def _exit_code(outcome: Outcome) -> int:
+    if outcome.status == "interrupted":
+        return BY_SIGNAL + (outcome.signal or signal.SIGINT)
+    return DONE if outcome.status == "completed" else STOPPED
+
+
+def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
+    screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
+    seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
+    compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
+    by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
+    print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
+    screen.say(f"recorded in {outcome.results}")
+    for swap in outcome.swaps:
+        screen.say(swap)
+    sys.stdout.flush()
+    screen.print_warnings(outcome.warnings)
+    for event in outcome.events:
+        first = event.times if isinstance(event.times, float) else min(e["time"] for e in event.times)
+        screen.print_warnings([CosimError(f"{event.signal}: {event.text}, first at t = {first:g} s")])

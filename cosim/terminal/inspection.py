@@ -1,0 +1,135 @@
+"""What `cosim check` says of a diagram, and `cosim blocks` of the library, in the terminal."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+from cosim.authoring.block import Block
+from cosim.authoring.declaration import Declaration
+from cosim.authoring.variables import Parameter, State, Variable
+from cosim.errors import Position
+from cosim.language.entry import BlockEntry
+from cosim.language.source import Node
+from cosim.terminal.screen import TIED, print_rows, print_warnings, print_wrapped, say
+from cosim.wiring import library
+from cosim.wiring.network import Network
+from cosim.wiring.overview import Overview, Part, Wired, describe
+
+VERDICTS = {True: "holds", False: "FAILS", None: "open "}
+TEXT_COLUMN = 9
+
+
+def print_network(network: Network) -> None:
+    """The components in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
+    overview = describe(network)
+    run, title = overview.diagram.run, overview.diagram.title or overview.diagram.path.name
+    valid = "valid as far as can be told without their code" if overview.unchecked else "valid"
+    say(f"{title}: {len(overview.diagram.blocks)} blocks, {valid}")
+    say(f"{run.method}, {run.stop:g} s in {run.steps} steps of {run.step:g} s")
+    if overview.first_order:
+        say("inputs are held over a step: coupling is of first order, whatever the integrators' order")
+    say("")
+    for swap in overview.swaps:
+        say(str(swap))
+    if overview.swaps:
+        say("")
+    print_rows([_row(part) for part in overview.parts])
+    say("")
+    if overview.unchecked:
+        files = [f"{name} ({path})" for name, path in overview.unchecked.items()]
+        print_wrapped(f"not checked, as only their code tells what they are: {', '.join(files)}", 2)
+        say("nor what is wired to them, the order of evaluation, and conditions")
+        return
+    print_wrapped(f"evaluated in this order: {', '.join(overview.order)}", 2)
+    _print_conditions(overview)
+    sys.stdout.flush()
+    print_warnings(overview.warnings)
+
+
+def _print_conditions(overview: Overview) -> None:
+    if overview.findings or overview.open:
+        say("\nconditions:")
+    for finding in overview.findings:
+        print_wrapped(f"  {VERDICTS[finding.holds]}  {finding.summary}", TEXT_COLUMN)
+    for waiting in overview.open:
+        said = f"{waiting.component}: {waiting.source or 'condition'}, {waiting.text}: `cosim run` judges it"
+        print_wrapped(f"  run    {said}", TEXT_COLUMN)
+
+
+def _row(part: Part) -> list[str]:
+    wires = [f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}" for w in part.wires]
+    return [part.name, part.type if part.count is None else f"{part.count} × {part.type}", "; ".join(wires)]
+
+
+def _dealt(wire: Wired) -> str:
+    """A word where the members of a fleet get one element each of something else than that fleet's own signal."""
+    others = [f"of the fleet {fleet}" for fleet in wire.dealt if fleet]
+    return f" (one{TIED}each{''.join(f' {other}' for other in others)})" if wire.dealt else ""
+
+
+def print_blocks(name: str | None) -> None:
+    """All blocks with a line each, or everything about one. Raises: UnknownBlock."""
+    if name is None:
+        blocks = library.all_blocks()
+        print_rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
+        say("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
+        return
+    declaration = _block(name).declaration
+    say(f"{declaration.name}\n\n{declaration.doc}\n")
+    for title, causality in (
+        ("inputs", "input"),
+        ("outputs", "output"),
+        ("parameters", "parameter"),
+        ("locals", "local"),
+    ):
+        variables = [v for v in declaration.variables.values() if v.causality == causality]
+        if variables:
+            say(f"{title}:")
+            print_rows([_variable_row(declaration, v) for v in variables], indent="  ")
+            say("")
+    if declaration.dimensions:
+        say("dimensions:")
+        print_rows([[n, f"default {d.default}", d.description] for n, d in declaration.dimensions.items()], indent="  ")
+        say("")
+    for rule in declaration.rules:
+        say(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
+
+
+def _block(name: str) -> type[Block]:
+    place = Position(name)
+    return library.find(BlockEntry(name, "python" if ".py:" in name else "block", Node(name, place), place))
+
+
+def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
+    shape = f"[{', '.join(map(str, variable.shape))}]" if variable.shape else ""
+    unit = ", ".join(variable.unit) if isinstance(variable.unit, tuple) else variable.unit or ""
+    notes = [variable.description]
+    if isinstance(variable, Parameter):
+        notes.append("required" if variable.start is None else f"default {variable.start}")
+    if only := getattr(variable, "only", ""):
+        notes.append(f"takes ports called `{only}`")
+    if variable.causality == "output":
+        notes.append(_feedthrough(declaration, variable))
+    kind = "" if variable.dtype == float else variable.dtype.name
+    return [f"{variable.name}{shape}", unit, kind, "; ".join(n for n in notes if n)]
+
+
+def _feedthrough(declaration: Declaration, variable: Variable) -> str:
+    """What an output depends on at the same instant, in words."""
+    if isinstance(variable, State):
+        return "a state"
+    reached: set[str] = set()
+    waiting = [variable.name]
+    while waiting:
+        writer = declaration.writer(waiting.pop())
+        for name in writer.reads if writer else ():
+            if name not in reached:
+                reached.add(name)
+                waiting.append(name)
+    inputs = [n for n in declaration.variables if n in reached and declaration.variables[n].causality == "input"]
+    return f"direct feedthrough from {', '.join(inputs)}" if inputs else "no direct feedthrough"
+
+
+def _first_line(declaration: Declaration) -> str:
+    return re.split(r"\n\s*\n", declaration.doc)[0].replace("\n", " ") if declaration.doc else ""

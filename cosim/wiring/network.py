@@ -1,0 +1,176 @@
+"""A resolved diagram: components with their axes, values and wires, and the signals that they exchange."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.authoring.declaration import Declaration
+from cosim.authoring.variables import Input, Variable
+from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
+from cosim.language.diagram import BlockEntry, Diagram
+from cosim.language.grammar import endpoint
+from cosim.language.swaps import Swap
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The size of one axis of a signal, and the fleet whose members it counts."""
+
+    size: int
+    fleet: str | None = None
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One variable of one component; a wire may take some members of its first axis only.
+
+    members: the first and the last one, from 1; a single number is that member without the axis.
+    """
+
+    component: str
+    variable: str
+    members: tuple[int, int] | int | None = None
+
+    @property
+    def whole(self) -> Signal:
+        """The variable with all its members."""
+        return Signal(self.component, self.variable)
+
+    @property
+    def first(self) -> int:
+        """How many members come before those that are taken."""
+        return (self.members[0] if isinstance(self.members, tuple) else self.members or 1) - 1
+
+    def axes(self, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+        """What is left of the axes of the whole variable."""
+        if self.members is None:
+            return axes
+        if isinstance(self.members, int):
+            return axes[1:]
+        return (Axis(self.members[1] - self.members[0] + 1), *axes[1:])
+
+    def __str__(self) -> str:
+        members = self.members if isinstance(self.members, int) else "..".join(map(str, self.members or ()))
+        return f"{self.component}.{self.variable}" + (f"[{members}]" if members else "")
+
+
+@dataclass
+class Finding:
+    """Something worth knowing of a valid diagram: a theorem's condition, a delay that a swap brings.
+
+    holds: None where nobody can say.
+    """
+
+    component: str
+    text: str
+    source: str
+    holds: bool | None
+    numbers: str
+
+    @property
+    def name(self) -> str:
+        """Block, source and condition, which do not depend on the run."""
+        return f"{self.component}: {self.source or 'condition'}, {self.text}"
+
+    @property
+    def summary(self) -> str:
+        """One line: its name, and the numbers."""
+        return f"{self.name}: {self.numbers}" if self.numbers else self.name
+
+
+@dataclass
+class Component:
+    """One block of a diagram, wired. Values have the shape (instances or 1, *shape of the variable)."""
+
+    name: str
+    entry: BlockEntry
+    declaration: Declaration
+    fleet: str | None = None
+    count: int = 1
+    axes: dict[str, Axis] = field(default_factory=dict)
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    given: set[str] = field(default_factory=set)
+    wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
+    every: int = 1
+    method: str = "euler"
+    inner_steps: int = 1
+
+    def shape(self, variable: Variable) -> tuple[int, ...]:
+        """The shape of a variable in one instance."""
+        return tuple(d if isinstance(d, int) else self.axes[d].size for d in variable.shape)
+
+    def nbytes(self, variable: Variable) -> int:
+        """The size of a variable in one instance."""
+        return math.prod(self.shape(variable)) * variable.dtype.itemsize
+
+    def signal_axes(self, variable: Variable) -> tuple[Axis, ...] | None:
+        """The axes of a variable over all instances; None while a dimension is not solved."""
+        if any(isinstance(d, str) and d not in self.axes for d in variable.shape):
+            return None
+        own = tuple(Axis(d) if isinstance(d, int) else self.axes[d] for d in variable.shape)
+        return (Axis(self.count, self.fleet), *own) if self.fleet else own
+
+    def counts_members(self, dimension: int | str) -> bool:
+        """Whether a dimension is the size of a fleet."""
+        return isinstance(dimension, str) and dimension in self.axes and self.axes[dimension].fleet is not None
+
+    def constants(self) -> dict[str, int]:
+        """The dimensions that are compiled into kernels: those of ports, unless a fleet sets them."""
+        ports = (v for v in self.declaration.variables.values() if v.causality in ("input", "output"))
+        names = dict.fromkeys(d for v in ports for d in v.shape if isinstance(d, str))
+        return {name: self.axes[name].size for name in names if self.axes[name].fleet is None}
+
+
+@dataclass
+class Network:
+    """A resolved diagram. unchecked: blocks that are left out, as their code was not to be run."""
+
+    diagram: Diagram
+    components: dict[str, Component]
+    swaps: list[Swap] = field(default_factory=list)
+    unchecked: list[str] = field(default_factory=list)
+
+    def variable(self, signal: Signal) -> Variable:
+        """The declaration of a signal."""
+        return self.components[signal.component].declaration.variables[signal.variable]
+
+    def shape(self, signal: Signal) -> tuple[int, ...]:
+        """The shape of a signal over all instances."""
+        return tuple(axis.size for axis in self.axes(signal))
+
+    def axes(self, signal: Signal) -> tuple[Axis, ...]:
+        """The axes of a signal over all instances."""
+        axes = self.components[signal.component].signal_axes(self.variable(signal))
+        assert axes is not None
+        return signal.axes(axes)
+
+    def find(self, text: str, position: Position | None) -> Signal:
+        """The signal that a recording or metric names; any variable but inputs.
+
+        Raises: UnknownBlock, UnknownPort.
+        """
+        name, port = endpoint(text)
+        if name not in self.components:
+            fix = nearest(name, self.components)
+            raise UnknownBlock(f"`{text}`: the diagram has no block `{name}`", position, fix)
+        variables = {k: v for k, v in self.components[name].declaration.variables.items() if _can_record(v)}
+        if port not in variables:
+            message = f"`{text}`: block {name} has no variable `{port}` to record"
+            raise UnknownPort(message, position, nearest(port, variables))
+        return Signal(name, port)
+
+    def signals(self) -> Iterator[Signal]:
+        """All variables of all components but inputs, in the order of the diagram."""
+        for component in self.components.values():
+            for variable in component.declaration.variables.values():
+                if _can_record(variable):
+                    yield Signal(component.name, variable.name)
+
+
+def _can_record(variable: Variable) -> bool:
+    """Inputs are other blocks' signals, and texts are no signals."""
+    return not isinstance(variable, Input) and not variable.dtype.hasobject

@@ -1,0 +1,105 @@
+"""What a wired diagram is, as data: for `cosim check`, a page, a notebook."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cosim.errors import CosimError
+from cosim.language.diagram import Diagram
+from cosim.language.swaps import Swap
+from cosim.wiring import conditions, order, windows
+from cosim.wiring.network import Component, Finding, Network
+
+
+@dataclass(frozen=True)
+class Wired:
+    """An input and what it reads. dealt: the fleets whose members are dealt to those of another, one each.
+
+    "" among them is an axis that is no fleet's.
+    """
+
+    port: str
+    sources: tuple[str, ...]
+    dealt: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A component: its name, its block type, how many there are of it (None: it is of no fleet), its wires."""
+
+    name: str
+    type: str
+    count: int | None
+    wires: tuple[Wired, ...]
+
+
+@dataclass(frozen=True)
+class Open:
+    """A condition that only a run can judge."""
+
+    component: str
+    text: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Overview:
+    """A wired diagram.
+
+    first_order: coupling is of a lower order than some integrator. unchecked: components of which only their code tells
+    what they are, with their files; where there are any, order and conditions are not known. order: functions, as they
+    are evaluated. findings: conditions judged; open: those that a run judges. warnings: also of conditions that fail.
+    """
+
+    diagram: Diagram
+    first_order: bool
+    swaps: tuple[Swap, ...]
+    parts: tuple[Part, ...]
+    unchecked: dict[str, str]
+    order: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    open: tuple[Open, ...]
+    warnings: tuple[CosimError, ...]
+
+
+def describe(network: Network) -> Overview:
+    """Everything about a wired diagram that does not need a run. Raises: DiagramErrors of its metrics."""
+    _, warnings = windows.reduced(network)
+    whole = not network.unchecked
+    findings = conditions.conditions(network) if whole else []
+    broken = [conditions.as_warning(network, finding) for finding in findings if finding.holds is False]
+    run = network.diagram.run
+    return Overview(
+        diagram=network.diagram,
+        first_order=run.method != "joint" and _higher_order(network),
+        swaps=tuple(network.swaps),
+        parts=tuple(_part(network, component) for component in network.components.values()),
+        unchecked={name: str(network.diagram.blocks[name].path) for name in network.unchecked},
+        order=tuple(f"{t.component}.{t.function}" for t in order.evaluation_order(network) if t.function)
+        if whole
+        else (),
+        findings=tuple(findings),
+        open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
+        warnings=(*warnings, *broken),
+    )
+
+
+def _higher_order(network: Network) -> bool:
+    """Whether a block that reads others is integrated by a method of an order above one."""
+    return any(c.method != "euler" and c.wires and c.declaration.continuous() for c in network.components.values())
+
+
+def _part(network: Network, component: Component) -> Part:
+    wires = [
+        Wired(port, tuple(map(str, sources)), _dealt(network, component, port))
+        for port, sources in component.wires.items()
+    ]
+    return Part(component.name, component.declaration.name, component.count if component.fleet else None, tuple(wires))
+
+
+def _dealt(network: Network, component: Component, port: str) -> tuple[str, ...]:
+    """The fleets of a port's sources, where the members of another fleet get one element each of them."""
+    axes = [network.axes(source) for source in component.wires[port]]
+    dealt = component.fleet and max(map(len, axes)) > len(component.declaration.variables[port].shape)
+    fleets = dict.fromkeys(own[0].fleet for own in axes if own)
+    return tuple(fleet or "" for fleet in fleets) if dealt and component.fleet not in fleets else ()

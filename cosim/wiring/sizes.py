@@ -1,0 +1,110 @@
+"""How much memory a run needs and how much there is, judged before anything is allocated."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cosim.authoring.variables import CalculatedParameter, Local, Output, State, Variable
+from cosim.errors import Position, Problems, TooLarge
+
+if TYPE_CHECKING:
+    from cosim.wiring.network import Component
+
+COPIES = 2
+"""Of the arena: the table's, from which each run begins, and the run's own."""
+
+
+def fit(components: Iterable[Component], problems: Problems) -> bool:
+    """Whether the variables of all components, as far as their dimensions are known, fit into memory; else a report."""
+    sizes = {(s.name, v.name): (_bytes(s, v), s, v) for s in components for v in s.declaration.variables.values()}
+    if not sizes:
+        return True
+    needed, there = COPIES * sum(size for size, _, _ in sizes.values()), memory()
+    if needed <= there:
+        return True
+    size, component, variable = max(sizes.values(), key=lambda entry: entry[0])
+    shape = " × ".join(map(str, ((component.count,) if component.fleet else ()) + component.shape(variable)))
+    message = (
+        f"the run needs {text(needed)} of memory, and there are {text(there)}; "
+        f"block {component.name}: `{variable.name}` ({shape}) alone takes {text(COPIES * size)}"
+    )
+    place = component.entry.per.position if component.entry.per else component.entry.position
+    fix = f"a smaller fleet `{component.fleet}`" if component.fleet else "smaller dimensions"
+    problems.add(TooLarge(message, place, fix))
+    return False
+
+
+def _bytes(component: Component, variable: Variable) -> int:
+    """What a variable takes at least: what is given or wired may be shared, what is computed is not."""
+    if not isinstance(variable, (State, Output, Local, CalculatedParameter)) or component.signal_axes(variable) is None:
+        return 0
+    copies = 5 if variable in component.declaration.continuous() else 2 if isinstance(variable, State) else 1
+    return copies * component.count * component.nbytes(variable)
+
+
+def require(needed: int, what: str, position: Position | None, fix: str) -> None:
+    """Raises: TooLarge where so many bytes are not there."""
+    if needed > (there := memory()):
+        raise TooLarge(f"{what} need {text(needed)} of memory, and there are {text(there)}", position, fix)
+
+
+def text(size: float) -> str:
+    """A number of bytes as people read it."""
+    power = min(5, int(math.log2(max(size, 1)) // 10))
+    return f"{size / 1024**power:.3g} {('bytes', 'KiB', 'MiB', 'GiB', 'TiB', 'PiB')[power]}"
+
+
+def memory() -> int:
+    """The bytes that this process may have at most: of the machine, of its container, of its own limits."""
+    return min((*_physical(), *_of_container(), *_of_process()), default=sys.maxsize)
+
+
+def _physical() -> Iterator[int]:
+    if sys.platform == "win32":
+        import ctypes
+
+        class Status(ctypes.Structure):
+            _fields_ = (
+                *((name, ctypes.c_ulong) for name in ("size", "load")),
+                *(
+                    (name, ctypes.c_ulonglong)
+                    for name in ("total", "free", "all", "all_free", "space", "left", "extended")
+                ),
+            )
+
+        status = Status(ctypes.sizeof(Status))
+        if ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status)):
+            yield status.total
+        return
+    with suppress(ValueError, OSError):
+        yield os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def _of_container(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> Iterator[int]:
+    """The limits of this process's control groups, of version 1 or 2, and of all that these are in."""
+    with suppress(OSError):
+        for line in own.read_text().splitlines():
+            _, kind, name = line.split(":", 2)
+            base, file = {"": (root, "memory.max"), "memory": (root / "memory", "memory.limit_in_bytes")}.get(
+                kind, (root, "")
+            )
+            path = base / name.strip("/")
+            for folder in (path, *path.parents) if file else ():
+                with suppress(OSError, ValueError):  # the root has none, and "max" is no number
+                    yield int((folder / file).read_text())
+
+
+def _of_process() -> Iterator[int]:
+    with suppress(ImportError):
+        import resource
+
+        for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA):
+            limit = resource.getrlimit(kind)[0]
+            if limit != resource.RLIM_INFINITY:
+                yield limit

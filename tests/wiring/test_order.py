@@ -1,0 +1,125 @@
+import pytest
+
+from cosim.errors import AlgebraicLoop, DiagramErrors
+from cosim.wiring import order
+
+CHAIN = """
+run: {stop: 1, step: 0.1}
+blocks:
+  last: {type: Gain, inputs: {u: middle.y}}
+  middle: {type: Gain, inputs: {u: lag.y}}
+  lag: {type: Lag, inputs: {u: source.y}}
+  source: {type: Sine, parameters: {A: 1}}
+"""
+
+
+def test_outputs_come_after_what_they_read(wired):
+    tasks = [f"{t.component}.{t.function}" for t in order.evaluation_order(wired(CHAIN))]
+    assert tasks.index("source.outputs") < tasks.index("lag.outputs") < tasks.index("middle.outputs")
+    assert tasks.index("middle.outputs") < tasks.index("last.outputs")
+
+
+def test_a_state_breaks_a_loop(wired):
+    network = wired(
+        """
+        run: {stop: 1, step: 0.1}
+        blocks:
+          gain: {type: Gain, inputs: {u: integrator.x}, dimensions: {n: 1}}
+          integrator: {type: Integrator, inputs: {u: gain.y}}
+        """
+    )
+    assert [t.component for t in order.evaluation_order(network)] == ["gain"]
+
+
+def test_only_the_functions_that_derivatives_read_are_needed(wired):
+    lag = wired(CHAIN).components["lag"]
+    assert [f.name for f in order.needed_outputs(lag)] == ["outputs_mean"]
+
+
+def test_every_algebraic_loop_is_named_port_by_port(wired):
+    with pytest.raises(DiagramErrors) as caught:
+        wired(
+            """
+            run: {stop: 1, step: 0.1}
+            blocks:
+              a: {type: Gain, inputs: {u: b.y}, dimensions: {n: 1}}
+              b: {type: Gain, inputs: {u: a.y}}
+              own: {type: Gain, inputs: {u: own.y}, dimensions: {n: 1}}
+            """
+        )
+    loops = caught.value.errors
+    assert all(isinstance(loop, AlgebraicLoop) and loop.position.line for loop in loops)
+    texts = sorted(loop.message for loop in loops)
+    assert texts == ["algebraic loop: a.y → b.y → a.y", "algebraic loop: own.y → own.y"]
+
+
+FOLLOWER = """
+from cosim import Block, Input, Local, Output, State
+
+class Follower(Block):
+    '''dx/dt = -x, which begins where its input is.'''
+    u = Input()
+    x = State(output=True)
+    def start(u, x):
+        x[0] = u
+    def derivatives(x, d_x):
+        d_x[0] = -x
+
+class Threefold(Block):
+    u = Input()
+    y = Output()
+    def outputs(u, y):
+        y[0] = 3.0 * u
+
+class Chain(Block):
+    '''dx/dt = 8 u, by way of two locals.'''
+    u = Input()
+    x = State(output=True)
+    twice = Local()
+    fourfold = Local()
+    unused = Local()
+    def outputs_twice(u, twice):
+        twice[0] = 2.0 * u
+    def outputs_fourfold(twice, fourfold):
+        fourfold[0] = 2.0 * twice
+    def outputs_unused(fourfold, unused):
+        unused[0] = fourfold
+    def derivatives(fourfold, d_x):
+        d_x[0] = 2.0 * fourfold
+"""
+RING = """
+run: {stop: 1, step: 0.5}
+blocks:
+  a: {python: own.py:Follower, inputs: {u: b.x}}
+  b: {python: own.py:Follower, inputs: {u: gain.y}}
+  gain: {python: own.py:Threefold, inputs: {u: a.x}}
+"""
+
+
+def test_a_ring_of_start_values_says_which_would_cut_it(wired, tmp_path):
+    (tmp_path / "own.py").write_text(FOLLOWER)
+    with pytest.raises(DiagramErrors) as caught:
+        wired(RING)
+    (loop,) = caught.value.errors
+    assert isinstance(loop, AlgebraicLoop) and loop.position.line
+    assert loop.message.startswith("algebraic loop at initialization: ")
+    assert "blocks.a.start.x" in loop.fix and "blocks.b.start.x" in loop.fix
+
+
+@pytest.mark.parametrize(("given", "expected"), [("a", (5.0, 15.0)), ("b", (5.0, 5.0))])
+def test_a_given_start_value_cuts_a_ring_of_start_values(wired, tmp_path, trajectories, given, expected):
+    """x_b = 3 x_a and x_a = x_b at time zero, of which the given value replaces one."""
+    (tmp_path / "own.py").write_text(FOLLOWER)
+    network = wired(RING, f"blocks.{given}.start.x=5")
+    found = trajectories(network, "a.x", "b.x", engine="python")
+    assert (found["a.x"][0], found["b.x"][0]) == expected
+
+
+def test_outputs_that_derivatives_read_through_others_are_evaluated_in_every_stage(wired, tmp_path, trajectories):
+    (tmp_path / "own.py").write_text(FOLLOWER)
+    text = "run: {stop: 1, step: 0.5}\nblocks:\n  c: {python: own.py:Chain, inputs: {u: f.x}}\n"
+    text += "  f: {python: own.py:Follower, inputs: {u: c.x}, start: {x: 1}}\n"
+    network = wired(text)
+    assert [f.name for f in order.needed_outputs(network.components["c"])] == ["outputs_twice", "outputs_fourfold"]
+    found = trajectories(network, "c.x", "f.x", engine="python")
+    assert list(found["c.x"]) == [0.0, 4.0, 6.0]  # 8 h u, and u = 1, 1/2, 1/4
