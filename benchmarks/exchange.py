@@ -25,10 +25,11 @@ from fmpy.fmi2 import FMU2Slave, fmi2Real, fmi2ValueReference
 from fmpy.fmi3 import FMU3Slave, fmi3Float64, fmi3ValueReference
 
 from cosim import Block, Input, State
-from cosim.engine import run, simulation, table
+from cosim.engine import compilation, program, run
 from cosim.engine.simulation import Simulation
 from cosim.export import build
 from cosim.export.exporter import export_fmu
+from cosim.fmu import versions
 from cosim.wiring.network import Signal
 
 HERE = Path(__file__).resolve().parent
@@ -82,9 +83,10 @@ def handwritten(compiler: str, folder: Path, version: int) -> list[Path]:
     options = ["-O2", "-shared", "-fPIC", f"-DFMI={version}", f"-I{build.headers()}"]
     subprocess.run([compiler, *options, HERE / "relay.c", stubs, "-o", library], check=True)
     paths = [folder / "one.fmu", folder / "other.fmu"]
+    host = build.host()
     for path in paths:
         with zipfile.ZipFile(path, "w") as archive:
-            archive.write(library, f"binaries/{build.host().folder(f'{version}.0')}/relay{build.host().suffix}")
+            archive.write(library, f"binaries/{host.folder(versions.find(f'{version}.0'))}/relay{host.suffix}")
             archive.writestr("modelDescription.xml", DESCRIPTIONS[version])
     return paths
 
@@ -160,8 +162,8 @@ def called_from_c(host: Path, pair: Pair) -> float:
 def cosim(pair: Pair, folder: Path, steps: int, isolate: bool) -> Callable[[], float]:
     """cosim's loop, from the first step to the last, with all that a run does between batches of steps."""
     one, other = (f"fmu: {path}, isolate: {str(isolate).lower()}" for path in pair.fmus)
-    built = table.build(run.load(diagram(folder, steps, one, other)), "jacobi")
-    kernels = simulation.compile_table(built)
+    built = program.build(run.load(diagram(folder, steps, one, other)), "jacobi")
+    kernels = compilation.compile_program(built)
 
     def once() -> float:
         simulated = Simulation(built, kernels)

@@ -209,7 +209,7 @@ static double activation(const double *x, const double *v, double centre) { /* (
     return exp(-square / (WIDTH * WIDTH));
 }
 
-/* See blocks/radial_basis.py. Returns the largest. */
+/* See blocks/geometric_row.py. Returns the largest. */
 static double activations(const double *x, const double *v, double *phi) {
     double middle = 0.0;
     for (int q = 0; q < DIM; q++) middle += x[q] + v[q];

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cosim.engine import run
-from cosim.engine.simulation import KERNEL
+from cosim.engine.binding import KERNEL
 
 DIAGRAMS = Path(__file__).parent.parent / "diagrams"
 ROBOT_STEPS = 3_000_000  # how much a measurement does: robots times steps
@@ -58,11 +58,11 @@ def search(robots: int) -> float:
     simulation = run.Run(network).simulation
     simulation.initialize()
     n = next(
-        n for n, c in enumerate(simulation.table.calls) if c.component == "topology" and c.function.name == "outputs"
+        n for n, c in enumerate(simulation.program.calls) if c.component == "topology" and c.function.name == "outputs"
     )
     kernel = KERNEL(int(simulation._functions[n]))
     base = simulation.arena.ctypes.data
-    frame = base + simulation.table.calls[n].frame
+    frame = base + simulation.program.calls[n].frame
     calls = max(3, 100_000 // robots)
     began = clock.perf_counter()
     for _ in range(calls):

@@ -40,7 +40,7 @@ def solve_time() -> tuple[float, float]:
     times, spent = [], []
     for member in members(one, variants.draws()):
         prepared = variants.prepared(member)
-        run = Run(prepared.network, prepared=(prepared.table, prepared.kernels))
+        run = Run(prepared.network, prepared=(prepared.program, prepared.kernels))
         began = time.process_time()
         times.append(run.execute().seconds["solve"])
         spent.append(time.process_time() - began)

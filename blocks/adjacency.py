@@ -1,4 +1,4 @@
-"""Neighbour lists: which robots a robot hears, and with what weight.
+"""Neighbour lists: which robots a robot hears, and with what weight a_ij, (5) and Section II-B.
 
 A network of robots is two arrays: ``neighbours (robots, capacity)`` holds numbers from 0 in ascending order, -1 after
 the last; ``weights (robots, capacity)`` holds a_ij beside them. A static graph G1 is given by people as
@@ -26,7 +26,7 @@ def add_neighbour(i: int, j: int, weight: float, count: NDArray, neighbours: NDA
 
 
 def begin_with_static(hears: NDArray, count: NDArray, neighbours: NDArray, weights: NDArray) -> None:
-    """Write the lists of G1: weight 1 for each robot heard.
+    """Write the lists of G1, A_1 of Section II-B: weight 1 for each robot heard.
 
     Raises: ValueError if a list is full.
     """
@@ -41,7 +41,7 @@ def begin_with_static(hears: NDArray, count: NDArray, neighbours: NDArray, weigh
 
 
 def is_heard(hears: NDArray, i: int, j: int) -> bool:
-    """Whether robot i hears j in G1 (numbers from 0)."""
+    """Whether robot i hears j in G1, that is a^1_ij = 1 in (5) (numbers from 0)."""
     heard = False
     for k in range(hears.shape[1]):
         heard = heard or hears[i, k] == j + 1
@@ -49,7 +49,7 @@ def is_heard(hears: NDArray, i: int, j: int) -> bool:
 
 
 def names_robots(hears: NDArray) -> tuple[bool, str]:
-    """Whether every robot hears other robots only, each once."""
+    """Whether every robot hears other robots only, each once: a_ii = 0 of Section II-B."""
     for i, row in enumerate(hears.tolist(), start=1):
         others = [j for j in row if j != 0]
         if i in others or len(set(others)) < len(others) or not all(1 <= j <= len(hears) for j in others):
@@ -58,7 +58,10 @@ def names_robots(hears: NDArray) -> tuple[bool, str]:
 
 
 def strongly_connected(hears: NDArray) -> tuple[bool, str]:
-    """Whether every robot reaches every other one along the edges of G1; `names_robots` tells of those to nobody."""
+    """Whether every robot reaches every other one along the edges of G1, Section II-B and Lemma 2.
+
+    `names_robots` tells of edges to nobody.
+    """
     heard = [[j - 1 for j in row if 1 <= j <= len(hears)] for row in hears.tolist()]
     hearers: list[list[int]] = [[] for _ in heard]
     for i, others in enumerate(heard):

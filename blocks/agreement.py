@@ -1,17 +1,26 @@
-"""Parameters that a block shares with the one that it measures or gets positions from."""
+"""Parameters that a block shares with the one that it measures or gets positions from: eta of (44), R_i of (42), …"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from cosim.wiring.conditions import Source
 
 
-def agrees(source, **ours):
+def agrees(source: Source | None, **ours: Any) -> tuple[bool, str]:
     """Whether a block at the other end of a wire has the same parameters, as far as they are known."""
-    theirs = {name: source.parameters[name] for name in ours if source is not None and name in source.parameters}
+    known = {} if source is None else source.parameters
+    theirs = {name: known[name] for name in ours if name in known}
     differing = [name for name in theirs if not np.array_equal(theirs[name], ours[name])]
     return not differing, "; ".join(f"{name} is {theirs[name].tolist()} there" for name in differing)
 
 
-def radii_agree(x, radii):
-    """Whether radii are those of the robots whose positions x is, where these are robots: they have mass and radius."""
+def radii_agree(x: Source | None, radii: NDArray) -> tuple[bool, str]:
+    """Whether radii are R_i of (42) where x is the position of robots, which have mass and radius."""
     if x is None or not {"mass", "radius"} <= set(x.parameters) or x.members != len(radii):
         return True, "of whose positions these are, no radii are known"
     theirs = np.resize(x.parameters["radius"], len(radii))  # one value may hold for all

@@ -1,11 +1,8 @@
-"""Finds the robots near a robot through square cells, in a time that grows with the number of robots only.
+"""Finds the robots near a robot, those of (5) for one, in a time that grows with the number of robots only.
 
-A block keeps the grid as work space::
+A block keeps the grid of square cells as one work space::
 
-    cells = Local("robots", 2, dtype=np.int64)   # column and row of each robot's cell
-    heads = Local("robots", dtype=np.int64)      # first robot of each bucket of cells, -1: empty
-    links = Local("robots", dtype=np.int64)      # next robot of the same bucket, -1: the last
-    found = Local("robots", dtype=np.int64)      # the answer for one robot
+    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: the cell grid")
 
 There are as many buckets as robots, and cells share buckets by hashing, so that the plane needs no bounds.
 """
@@ -17,50 +14,55 @@ from numpy.typing import NDArray
 #: Up to so many robots, looking at every pair is faster.
 SMALL = 32
 
+#: What row i of a grid holds: column and row of robot i's cell, the first robot in bucket i (-1: none), the robot after
+#: robot i in its bucket (-1: none), and the i-th robot that was found near another one.
+COLUMN, ROW, HEAD, LINK, FOUND = range(5)
+FIELDS = 5
 
-def sort_into_cells(x: NDArray, reach: float, cells: NDArray, heads: NDArray, links: NDArray) -> None:
+
+def sort_into_cells(x: NDArray, reach: float, grid: NDArray) -> None:
     """Prepare the search for robots at x (robots, n) that are at most `reach` (m) apart."""
     robots = x.shape[0]
     if robots <= SMALL:
         return
     side = 1.001 * reach  # wider than the reach, so that a rounded quotient cannot put a near robot two cells away
+    for bucket in range(robots):
+        grid[bucket, HEAD] = -1
     for i in range(robots):
-        heads[i] = -1
-    for i in range(robots):
-        cells[i, 0] = math.floor(x[i, 0] / side)
-        cells[i, 1] = math.floor(x[i, 1] / side)
-        bucket = bucket_of(cells[i, 0], cells[i, 1], robots)
-        links[i] = heads[bucket]
-        heads[bucket] = i
+        grid[i, COLUMN] = math.floor(x[i, 0] / side)
+        grid[i, ROW] = math.floor(x[i, 1] / side)
+        bucket = bucket_of(grid[i, COLUMN], grid[i, ROW], robots)
+        grid[i, LINK] = grid[bucket, HEAD]
+        grid[bucket, HEAD] = i
 
 
-def later_near(i: int, cells: NDArray, heads: NDArray, links: NDArray, found: NDArray) -> int:
+def later_near(i: int, grid: NDArray) -> int:
     """Look for the robots j > i that may be within reach of i; returns how many there are for `later`.
 
     They are all that are within reach, and some that are not. Each pair is met once, from its smaller number.
     """
-    robots = heads.size
+    robots = grid.shape[0]
     if robots <= SMALL:
         return robots - i - 1
     count = 0
-    for column in range(cells[i, 0] - 1, cells[i, 0] + 2):
-        for row in range(cells[i, 1] - 1, cells[i, 1] + 2):
-            j = heads[bucket_of(column, row, robots)]
+    for column in range(grid[i, COLUMN] - 1, grid[i, COLUMN] + 2):
+        for row in range(grid[i, ROW] - 1, grid[i, ROW] + 2):
+            j = grid[bucket_of(column, row, robots), HEAD]
             while j >= 0:
-                if j > i and cells[j, 0] == column and cells[j, 1] == row:
+                if j > i and grid[j, COLUMN] == column and grid[j, ROW] == row:
                     k = count
-                    while k > 0 and found[k - 1] > j:
-                        found[k] = found[k - 1]
+                    while k > 0 and grid[k - 1, FOUND] > j:
+                        grid[k, FOUND] = grid[k - 1, FOUND]
                         k -= 1
-                    found[k] = j
+                    grid[k, FOUND] = j
                     count += 1
-                j = links[j]
+                j = grid[j, LINK]
     return count
 
 
-def later(k: int, i: int, found: NDArray) -> int:
+def later(k: int, i: int, grid: NDArray) -> int:
     """The k-th robot (from 0, ascending) that `later_near` found for i."""
-    return i + 1 + k if found.size <= SMALL else found[k]
+    return i + 1 + k if grid.shape[0] <= SMALL else grid[k, FOUND]
 
 
 def sees_all(x: NDArray, reach: float) -> bool:

@@ -1,29 +1,26 @@
-"""The control gain of an omnidirectional robot: how wheel forces accelerate it."""
+"""The control gain of an omnidirectional robot, (42): how wheel forces accelerate it."""
 
 import math
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Input, Output, Parameter
-from cosim.blocks.reference import POSITION
+from cosim import Block, Input, Output, Parameter, rule
+from cosim.blocks.channels import POSITION
 
 HALF_ROOT_3 = 0.5 * math.sqrt(3.0)
 
 
-def wheel_directions(theta: float) -> tuple[float, float, float, float, float, float]:
-    """The unit vectors (d_1, d_2, d_3), flat, in which the wheels push at a heading theta (rad): columns of T, (42).
+Row = tuple[float, float, float]
 
-    They are 120 degrees apart, so that d_1 + d_2 + d_3 = 0 and the sum of d_k d_k^T is 1.5 I.
+
+def wheel_directions(theta: float) -> tuple[Row, Row]:
+    """The first two rows of T(theta), (42), at a heading theta (rad).
+
+    Their columns are the unit vectors d_1, d_2, d_3 in which the wheels push. These are 120 degrees apart, so that
+    d_1 + d_2 + d_3 = 0 and the sum of d_k d_k^T is 1.5 I.
     """
     s, c = math.sin(theta), math.cos(theta)
-    return (
-        -s,
-        c,
-        0.5 * s - HALF_ROOT_3 * c,
-        -0.5 * c - HALF_ROOT_3 * s,
-        0.5 * s + HALF_ROOT_3 * c,
-        HALF_ROOT_3 * s - 0.5 * c,
-    )
+    across = -s, 0.5 * s - HALF_ROOT_3 * c, 0.5 * s + HALF_ROOT_3 * c
+    along = c, -0.5 * c - HALF_ROOT_3 * s, HALF_ROOT_3 * s - 0.5 * c
+    return across, along
 
 
 class OmnidirectionalGain(Block):
@@ -55,12 +52,11 @@ class OmnidirectionalGain(Block):
     )
 
     def outputs(x, mass, inertia, radius, g, g_inverse):
-        directions = wheel_directions(x[2])
+        across, along = wheel_directions(x[2])
         for k in range(3):
-            across, along = directions[2 * k], directions[2 * k + 1]
-            g[0, k] = across / mass
-            g[1, k] = along / mass
+            g[0, k] = across[k] / mass
+            g[1, k] = along[k] / mass
             g[2, k] = radius / inertia
-            g_inverse[k, 0] = 2.0 / 3.0 * mass * across
-            g_inverse[k, 1] = 2.0 / 3.0 * mass * along
+            g_inverse[k, 0] = 2.0 / 3.0 * mass * across[k]
+            g_inverse[k, 1] = 2.0 / 3.0 * mass * along[k]
             g_inverse[k, 2] = inertia / (3.0 * radius)

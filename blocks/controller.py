@@ -1,10 +1,8 @@
-"""The controller that keeps the formation."""
+"""The controller that keeps the formation, (33)."""
 
 import numpy as np
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import condition, rule
-from cosim.authoring.variables import Input, Local, Output, Parameter
+from cosim import Block, Input, Local, Output, Parameter, condition, rule
 from cosim.blocks.consensus import local_errors
 from cosim.blocks.stability_conditions import (
     formation_reached,
@@ -12,6 +10,7 @@ from cosim.blocks.stability_conditions import (
     references_apart,
     topology_slow,
 )
+from cosim.blocks.vectors import dot
 
 
 class SlidingModeController(Block):
@@ -25,9 +24,9 @@ class SlidingModeController(Block):
         F, g_inverse         ──►│            │
         neighbours, weights  ──►└────────────┘
 
-        delta_x = x - x_d,   delta_v = v_hat - xi_2
-        e_x = ((L + B) ⊗ I) delta_x,   e_v = ((L + B) ⊗ I) delta_v                         (26), (30)
-        s_hat_i = e_v_i + lambda_i e_x_i                                                   (30)
+        delta_x = x - x_d,   delta_v = v_hat - xi_2                                       (24), (30)
+        e_x = ((L + B) ⊗ I) delta_x,   e_v = ((L + B) ⊗ I) delta_v                        (26), (30)
+        s_hat_i = e_v_i + lambda_i e_x_i                                                        (30)
         u_i = g_i^-1 (-c s_hat_i - w_hat_i - lambda_i delta_v_i - delta_x_i + xi_3_i + F_i)     (33)
 
     A robot uses what it measures and estimates itself, and what its neighbours tell.
@@ -51,6 +50,7 @@ class SlidingModeController(Block):
     e_x = Local("robots", "n", description="local formation tracking errors")
     e_v = Local("robots", "n", description="estimated local velocity tracking errors")
     s_hat = Local("robots", "n", description="estimated sliding variables")
+    gu = Local("robots", "n", description="g_i u_i, the accelerations that the control inputs cause")
     u = Output("robots", "n", description="control inputs")
 
     positive = rule("c > 0 and lambda_ > 0", "eqs. 27 and 33")(lambda c, lambda_: c > 0.0 and min(lambda_) > 0.0)
@@ -65,36 +65,21 @@ class SlidingModeController(Block):
     )
 
     def outputs(
-        x,
-        x_d,
-        v_hat,
-        w_hat,
-        xi_2,
-        xi_3,
-        F,
-        g_inverse,
-        neighbours,
-        weights,
-        c,
-        lambda_,
-        b,
-        delta_x,
-        delta_v,
-        e_x,
-        e_v,
-        s_hat,
-        u,
-    ):
+        x, x_d, v_hat, w_hat, xi_2, xi_3, F, g_inverse, neighbours, weights,
+        c, lambda_, b,
+        delta_x, delta_v, e_x, e_v, s_hat, gu, u,
+    ):  # fmt: skip
         robots, n = x.shape
-        local_errors(x, x_d, v_hat, xi_2, neighbours, weights, b, e_x, e_v)
         for i in range(robots):
-            for k in range(n):
-                u[i, k] = 0.0
             for q in range(n):
-                delta_x[i, q] = x[i, q] - x_d[i, q]
-                delta_v[i, q] = v_hat[i, q] - xi_2[i, q]
-                s_hat[i, q] = e_v[i, q] + lambda_[i] * e_x[i, q]
-                known = xi_3[i, q] - w_hat[i, q] - lambda_[i] * delta_v[i, q] - delta_x[i, q]
-                a = known - c * s_hat[i, q] + F[i, q]
-                for k in range(n):
-                    u[i, k] += g_inverse[i, k, q] * a
+                delta_x[i, q] = x[i, q] - x_d[i, q]  # (24)
+                delta_v[i, q] = v_hat[i, q] - xi_2[i, q]  # (30)
+        local_errors(delta_x, delta_v, neighbours, weights, b, e_x, e_v)  # (26), (30)
+        for i in range(robots):
+            for q in range(n):
+                s_hat[i, q] = e_v[i, q] + lambda_[i] * e_x[i, q]  # (30)
+                gu[i, q] = (  # (33)
+                    xi_3[i, q] - w_hat[i, q] - lambda_[i] * delta_v[i, q] - delta_x[i, q] - c * s_hat[i, q] + F[i, q]
+                )
+            for q in range(n):
+                u[i, q] = dot(g_inverse[i, q], gu[i])  # (33)

@@ -1,11 +1,10 @@
-"""Derivatives of a signal, exact after a finite time."""
+"""Derivatives of a signal, exact after a finite time, (29)."""
 
 import math
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import CalculatedParameter, Input, Parameter, State
+from cosim import Block, CalculatedParameter, Input, Parameter, State, rule
 from cosim.blocks.cube_root import cube_root
+from cosim.blocks.signed_power import sign
 
 
 class SlidingModeDifferentiator(Block):
@@ -58,8 +57,7 @@ class SlidingModeDifferentiator(Block):
             e = xi_1[q] - x_d[q]
             half = math.sqrt(abs(e))
             quarter = math.sqrt(half)
-            sign = 1.0 if e > 0.0 else -1.0 if e < 0.0 else 0.0
-            d_xi_1[q] = xi_2[q] - gains[0] * sign * half * quarter
-            d_xi_2[q] = xi_3[q] - gains[1] * sign * half
-            d_xi_3[q] = xi_4[q] - gains[2] * sign * quarter
-            d_xi_4[q] = -gains[3] * sign
+            d_xi_1[q] = -gains[0] * sign(e) * half * quarter + xi_2[q]  # (29)
+            d_xi_2[q] = -gains[1] * sign(e) * half + xi_3[q]
+            d_xi_3[q] = -gains[2] * sign(e) * quarter + xi_4[q]
+            d_xi_4[q] = -gains[3] * sign(e)

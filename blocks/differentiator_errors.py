@@ -1,22 +1,17 @@
-"""How well differentiators differentiate."""
-
-import math
+"""How well differentiators (29) differentiate."""
 
 from numpy.typing import NDArray
 
-from cosim.authoring.block import Measure
-from cosim.authoring.variables import Input, Output
+from cosim import Input, Measure, Output
+from cosim.blocks.vectors import norm_of_difference
 
 
 def largest_norm(estimate: NDArray, truth: NDArray) -> float:
-    """The largest ||estimate_i - truth_i|| of all rows; both (robots, n)."""
+    """max_i ||estimate_i - truth_i||, 0 by Lemma 6; both (robots, n)."""
     largest = 0.0
     for i in range(truth.shape[0]):
-        square = 0.0
-        for q in range(truth.shape[1]):
-            square += (estimate[i, q] - truth[i, q]) * (estimate[i, q] - truth[i, q])
-        largest = max(largest, square)
-    return math.sqrt(largest)
+        largest = max(largest, norm_of_difference(estimate[i], truth[i]))
+    return largest
 
 
 class DifferentiatorErrors(Measure):

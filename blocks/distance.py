@@ -1,4 +1,4 @@
-"""Distance of two robots in the plane."""
+"""Distance ||z_ij|| of two robots in the plane, z_ij = x_pi - x_pj of (5) and (9)."""
 
 import math
 

@@ -1,22 +1,21 @@
-"""The weights of chosen edges that robots' nearness made."""
+"""The weights of chosen edges that robots' nearness made, (5)."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cosim.authoring.block import Measure
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Input, Output, Parameter
+from cosim import Input, Measure, Output, Parameter, rule
 from cosim.blocks.adjacency import is_heard
 from cosim.blocks.agreement import agrees
 
 
-def edges_are_pairs(edges, robots):
+def edges_are_pairs(edges: NDArray, robots: int) -> tuple[bool, str]:
     """Whether each edge names two different robots."""
     wrong = [edge for edge in edges.tolist() if edge[0] == edge[1] or not all(1 <= i <= robots for i in edge)]
     return not wrong, f"wrong: {wrong}"
 
 
 class EdgeWeights(Measure):
-    """The elements a_ij of A_2 for listed edges [i, j]: the weight with which i hears j by range; 0 for edges of G1."""
+    """The elements a_ij of A_2, (5), for listed edges [i, j]: how much i hears j by range; 0 for edges of G1."""
 
     neighbours = Input("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Input("robots", "capacity", unit="1", description="a_ij of each neighbour j")

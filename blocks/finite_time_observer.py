@@ -1,9 +1,8 @@
-"""Velocity and uncertainty of a robot from its position: the finite-time observer without a neural network."""
+"""Velocity and uncertainty of a robot from its position: the finite-time observer without a neural network, (45)."""
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import CalculatedParameter, Input, Local, Parameter, State
+from cosim import Block, CalculatedParameter, Input, Local, Parameter, State, rule
 from cosim.blocks.signed_power import common_root, signed_powers
+from cosim.blocks.vectors import dot
 
 
 class FiniteTimeObserver(Block):
@@ -29,6 +28,7 @@ class FiniteTimeObserver(Block):
     alpha_3 = Parameter(default=6.0, description="gain of the uncertainty estimate")
     beta_1 = Parameter(unit="1", default="2/3", description="exponent of the position estimate")
     root = CalculatedParameter(dtype=int, unit="1", description="the root that both powers are made of; 0: none")
+    e = Local("n", description="x_hat - x")
     s_1 = Local("n", description="sgn^beta_1(e)")
     s_2 = Local("n", description="sgn^beta_2(e)")
 
@@ -44,16 +44,13 @@ class FiniteTimeObserver(Block):
         for q in range(x.size):
             x_hat[q] = x[q]
 
-    def outputs(x, x_hat, beta_1, root, s_1, s_2):
+    def outputs(x, x_hat, beta_1, root, e, s_1, s_2):
         for q in range(x.size):
-            s_1[q] = x_hat[q] - x[q]
-        signed_powers(beta_1, root, s_1, s_2)
+            e[q] = x_hat[q] - x[q]
+        signed_powers(e, beta_1, root, s_1, s_2)
 
     def derivatives(u, g, v_hat, w_hat, s_1, s_2, alpha_1, alpha_2, alpha_3, d_x_hat, d_v_hat, d_w_hat):
         for q in range(u.size):
-            gu = 0.0
-            for k in range(u.size):
-                gu += g[q, k] * u[k]
-            d_x_hat[q] = v_hat[q] - alpha_1 * s_1[q]
-            d_v_hat[q] = w_hat[q] - alpha_2 * s_2[q] + gu
+            d_x_hat[q] = v_hat[q] - alpha_1 * s_1[q]  # (45)
+            d_v_hat[q] = w_hat[q] - alpha_2 * s_2[q] + dot(g[q], u)
             d_w_hat[q] = -alpha_3 * s_2[q]

@@ -1,14 +1,10 @@
-"""What a motor can give."""
+"""What a motor can give, of the forces u of (42)."""
 
-from numpy.typing import NDArray
-
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Input, Output, Parameter
+from cosim import Block, Input, Output, Parameter, rule
 
 
 class ForceLimit(Block):
-    """Each force, cut off at plus and minus `limit`.
+    """Each force, cut off at plus and minus `limit`; the paper's motors have no limit, (42).
 
     ::
 
@@ -21,6 +17,6 @@ class ForceLimit(Block):
 
     positive = rule("limit > 0")(lambda limit: limit > 0.0)
 
-    def outputs(u: NDArray, limit: float, limited: NDArray):
+    def outputs(u, limit, limited):
         for q in range(u.size):
             limited[q] = min(max(u[q], -limit), limit)

@@ -1,14 +1,11 @@
-"""How well the formation is kept."""
-
-import math
+"""How well the formation is kept, (24) to (31)."""
 
 import numpy as np
 
-from cosim.authoring.block import Measure
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Input, Local, Output, Parameter
+from cosim import Input, Local, Measure, Output, Parameter, rule
 from cosim.blocks.agreement import agrees
 from cosim.blocks.consensus import local_errors
+from cosim.blocks.vectors import norm_of_all
 
 
 class FormationErrors(Measure):
@@ -30,8 +27,11 @@ class FormationErrors(Measure):
     weights = Input("robots", "capacity", unit="1", description="a_ij of each neighbour j")
     lambda_ = Parameter("robots", unit="1/s", default=2.0, description="slope of each robot's sliding variable")
     b = Parameter("robots", unit="1", default=2.0, description="weight of each robot's own reference")
+    tracking_x = Local("robots", "n", description="position tracking errors")
+    tracking_v = Local("robots", "n", description="velocity tracking errors")
     local_x = Local("robots", "n", description="local formation tracking errors")
     local_v = Local("robots", "n", description="local velocity tracking errors")
+    sliding = Local("robots", "n", description="sliding variables")
     delta_x = Output(description="norm of the position tracking errors")
     e_x = Output(description="norm of the local formation tracking errors")
     S = Output(description="norm of the sliding variables")
@@ -41,25 +41,21 @@ class FormationErrors(Measure):
         lambda s_hat, lambda_, b: agrees(s_hat, lambda_=lambda_, b=b)
     )
 
-    def outputs(x, v, x_d, dx_d, s_hat, neighbours, weights, lambda_, b, local_x, local_v, delta_x, e_x, S, S_hat):
+    def outputs(
+        x, v, x_d, dx_d, s_hat, neighbours, weights,
+        lambda_, b,
+        tracking_x, tracking_v, local_x, local_v, sliding, delta_x, e_x, S, S_hat,
+    ):  # fmt: skip
         robots, n = x.shape
-        local_errors(x, x_d, v, dx_d, neighbours, weights, b, local_x, local_v)
-        all_delta, all_e, all_s, all_s_hat = 0.0, 0.0, 0.0, 0.0
         for i in range(robots):
-            of_delta, of_e, of_s, of_s_hat = 0.0, 0.0, 0.0, 0.0
             for q in range(n):
-                delta = x[i, q] - x_d[i, q]
-                e = local_x[i, q]
-                s = local_v[i, q] + lambda_[i] * e
-                of_delta += delta * delta
-                of_e += e * e
-                of_s += s * s
-                of_s_hat += s_hat[i, q] * s_hat[i, q]
-            all_delta += of_delta
-            all_e += of_e
-            all_s += of_s
-            all_s_hat += of_s_hat
-        delta_x[0] = math.sqrt(all_delta)
-        e_x[0] = math.sqrt(all_e)
-        S[0] = math.sqrt(all_s)
-        S_hat[0] = math.sqrt(all_s_hat)
+                tracking_x[i, q] = x[i, q] - x_d[i, q]  # (24)
+                tracking_v[i, q] = v[i, q] - dx_d[i, q]  # (24)
+        local_errors(tracking_x, tracking_v, neighbours, weights, b, local_x, local_v)  # (26)
+        for i in range(robots):
+            for q in range(n):
+                sliding[i, q] = local_v[i, q] + lambda_[i] * local_x[i, q]  # (27)
+        delta_x[0] = norm_of_all(tracking_x)
+        e_x[0] = norm_of_all(local_x)
+        S[0] = norm_of_all(sliding)  # (28)
+        S_hat[0] = norm_of_all(s_hat)  # (31)

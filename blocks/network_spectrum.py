@@ -41,7 +41,7 @@ Array = NDArray[Any]
 
 
 class NotJudged(Exception):
-    """Why the extremes of a network are not known. holds: False where what asks for them fails for certain."""
+    """Why the extremes of Lemma 2 are not known. holds: False where what asks for them fails for certain."""
 
     def __init__(self, reason: str, holds: bool | None = None) -> None:
         super().__init__(reason)
@@ -49,7 +49,7 @@ class NotJudged(Exception):
 
 
 class LowerEnds(NamedTuple):
-    """p: the (smallest, largest) eigenvalue of P_1. q_1: the smallest one of Q_1. sigma: sigma(L_1 + B)."""
+    """Of Lemma 2. p: the (smallest, largest) eigenvalue of P_1. q_1: the smallest one of Q_1. sigma: sigma(L_1 + B)."""
 
     p: tuple[float, float]
     q_1: float

@@ -1,13 +1,23 @@
-"""Velocity and uncertainty of a robot from its position: the finite-time observer with a neural network."""
+"""Velocity and uncertainty of a robot from its position: the finite-time observer with a neural network, (10)."""
 
 import math
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import condition, rule
-from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter, State
-from cosim.blocks.radial_basis import activations, equal_spacing, weighted_sum
+from numpy.typing import NDArray
+
+from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter, State, condition, rule
+from cosim.blocks.geometric_row import equal_spacing, geometric_row
+from cosim.blocks.radial_basis import activations, weighted_sum
 from cosim.blocks.signed_power import common_root, signed_powers
 from cosim.blocks.stability_conditions import network_covers_run, observer_region, observer_stable
+from cosim.blocks.vectors import dot, norm
+
+
+def band_of(size: float, lower: NDArray) -> int:
+    """The band of (22), from 0, in which the norm of sgn^beta_1(e) lies; lower: (bands), descending to 0."""
+    band = 0
+    while size < lower[band]:
+        band += 1
+    return band
 
 
 class NeuralObserver(Block):
@@ -45,6 +55,7 @@ class NeuralObserver(Block):
     spacing = CalculatedParameter(description="distance of neighbouring centres; 0 if they differ")
     decay = CalculatedParameter(unit="1", description="how the quotient of neighbouring activations falls, a channel")
     lower = CalculatedParameter("bands", description="smallest norm in each band")
+    e = Local("n", description="x - x_hat")
     s_1 = Local("n", description="sgn^beta_1(e)")
     s_2 = Local("n", description="sgn^beta_2(e)")
     phi = Local("neurons", unit="1", description="activations of the neurons")
@@ -72,32 +83,27 @@ class NeuralObserver(Block):
         for q in range(x.size):
             x_hat[q] = x[q]
 
-    def outputs_correction(x, x_hat, beta_1, root, s_1, s_2):
+    def outputs_correction(x, x_hat, beta_1, root, e, s_1, s_2):
         for q in range(x.size):
-            s_1[q] = x[q] - x_hat[q]
-        signed_powers(beta_1, root, s_1, s_2)
+            e[q] = x[q] - x_hat[q]
+        signed_powers(e, beta_1, root, s_1, s_2)
 
     def outputs(x, v_hat, W_hat, centres, width, spacing, decay, phi, coverage, w_hat):
-        coverage[0] = activations(x, v_hat, centres, width, spacing, decay, phi)
-        weighted_sum(W_hat, phi, w_hat)
+        if spacing == 0.0:
+            coverage[0] = activations(x, v_hat, centres, width, phi)  # (7)
+        else:
+            coverage[0] = geometric_row(x, v_hat, centres, width, spacing, decay, phi)  # (7)
+        weighted_sum(W_hat, phi, w_hat)  # (6)
 
     def derivatives(
         u, g, v_hat, W_hat, w_hat, s_1, s_2, phi, alpha_1, alpha_2, gamma_1, gamma_2, lower, d_x_hat, d_v_hat, d_W_hat
     ):
-        square = 0.0
         for q in range(u.size):
-            gu = 0.0
-            for k in range(u.size):
-                gu += g[q, k] * u[k]
-            d_x_hat[q] = v_hat[q] + alpha_1 * s_1[q]
-            d_v_hat[q] = w_hat[q] + alpha_2 * s_2[q] + gu
-            square += s_1[q] * s_1[q]
-        norm = math.sqrt(square)
-        band = 0
-        while norm < lower[band]:
-            band += 1
-        forgetting = gamma_2[band] * norm
+            d_x_hat[q] = v_hat[q] + alpha_1 * s_1[q]  # (10)
+            d_v_hat[q] = w_hat[q] + alpha_2 * s_2[q] + dot(g[q], u)  # (10)
+        size = norm(s_1)
+        band = band_of(size, lower)
+        learning, forgetting = gamma_1[band], gamma_2[band]  # (22)
         for j in range(phi.size):
-            learning = gamma_1[band] * phi[j]
             for q in range(u.size):
-                d_W_hat[j, q] = learning * s_1[q] - forgetting * W_hat[j, q]
+                d_W_hat[j, q] = learning * phi[j] * s_1[q] - forgetting * size * W_hat[j, q]  # (13)

@@ -1,21 +1,20 @@
-"""The gaps of chosen pairs of robots."""
+"""The gaps of chosen pairs of robots, Fig. 6."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cosim.authoring.block import Measure
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Input, Output, Parameter
+from cosim import Input, Measure, Output, Parameter, rule
 from cosim.blocks.distance import planar_distance
 
 
-def pairs_are_robots(pairs, robots):
+def pairs_are_robots(pairs: NDArray, robots: int) -> tuple[bool, str]:
     """Whether each pair names two different robots."""
     wrong = [pair for pair in pairs.tolist() if pair[0] == pair[1] or not all(1 <= i <= robots for i in pair)]
     return not wrong, f"wrong: {wrong}"
 
 
 class PairGaps(Measure):
-    """The gap ||z_ij|| - R_i - R_j of each listed pair of robots; 0 is a collision.
+    """The gap ||z_ij|| - R_i - R_j of each listed pair of robots, Section IV and Fig. 6; 0 is a collision.
 
     With radii of 0 it is the distance of the centres.
     """

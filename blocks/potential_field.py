@@ -1,12 +1,18 @@
-"""Artificial potential field: the force that keeps robots from touching."""
+"""Artificial potential field: the force that keeps robots from touching, (9)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Input, Output, Parameter
+from cosim import Block, Input, Output, Parameter, rule
 from cosim.blocks.agreement import radii_agree
 from cosim.blocks.distance import planar_distance
+
+if TYPE_CHECKING:
+    from cosim.wiring.conditions import Source
 
 
 def repulsion(distance: float, lower: float, outer: float, alpha: float) -> float:
@@ -17,8 +23,8 @@ def repulsion(distance: float, lower: float, outer: float, alpha: float) -> floa
     return alpha * (outer - distance) / (clearance * clearance)
 
 
-def outer_boundary_in_range(epsilon_2, radii, neighbours):
-    """Whether every pair talks before its potential begins, where the topology has a range."""
+def outer_boundary_in_range(epsilon_2: float, radii: NDArray, neighbours: Source | None) -> tuple[bool, str]:
+    """Whether every pair talks before its potential begins, Definition 2, where the topology has a range."""
     if neighbours is None or "R_c" not in neighbours.parameters:
         return True, "the topology has no range"
     largest = np.sort(radii)[-2:].sum()

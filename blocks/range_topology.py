@@ -1,14 +1,12 @@
-"""The communication graph that grows edges between robots that are near each other."""
+"""The communication graph that grows edges between robots that are near each other, (5)."""
 
 import math
 
 import numpy as np
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Dimension, Input, Local, Output, Parameter
+from cosim import Block, Dimension, Input, Local, Output, Parameter, rule
 from cosim.blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
-from cosim.blocks.cell_grid import later, later_near, sort_into_cells
+from cosim.blocks.cell_grid import FIELDS, later, later_near, sort_into_cells
 from cosim.blocks.distance import planar_square, surely_beyond
 
 
@@ -42,10 +40,7 @@ class RangeTopology(Block):
     eta_2 = Parameter(unit="1/m", default=14.0, description="steepness of the weight's fall")
     eta_3 = Parameter(unit="m", default=1.1, description="distance of half the weight")
     R_c = Parameter(unit="m", default=1.5, description="communication range")
-    cells = Local("robots", 2, dtype=np.int64, unit="1", description="work space: cell of each robot")
-    heads = Local("robots", dtype=np.int64, unit="1", description="work space: first robot of each bucket")
-    links = Local("robots", dtype=np.int64, unit="1", description="work space: next robot of a bucket")
-    found = Local("robots", dtype=np.int64, unit="1", description="work space: robots near one robot")
+    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: the cell grid")
     count = Local("robots", dtype=np.int32, unit="1", description="number of neighbours")
     neighbours = Output("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Output("robots", "capacity", unit="1", description="a_ij of each neighbour j")
@@ -55,12 +50,12 @@ class RangeTopology(Block):
     numbers = rule("every robot hears other robots, each once", "Section II-B")(names_robots)
     connected = rule("a strongly connected static graph G1", "Section II-B, Lemma 2")(strongly_connected)
 
-    def outputs(x, hears, eta_1, eta_2, eta_3, R_c, cells, heads, links, found, count, neighbours, weights):
+    def outputs(x, hears, eta_1, eta_2, eta_3, R_c, grid, count, neighbours, weights):
         begin_with_static(hears, count, neighbours, weights)
-        sort_into_cells(x, R_c, cells, heads, links)
+        sort_into_cells(x, R_c, grid)
         for i in range(x.shape[0]):
-            for k in range(later_near(i, cells, heads, links, found)):
-                j = later(k, i, found)
+            for k in range(later_near(i, grid)):
+                j = later(k, i, grid)
                 square = planar_square(x, i, j)
                 if surely_beyond(square, R_c):
                     continue

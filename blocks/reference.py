@@ -1,13 +1,9 @@
-"""Where each robot of a formation should be."""
+"""Where each robot of a formation should be, (43)."""
 
 import math
 
-from cosim.authoring.block import Block
-from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter
-
-POSITION = ("m", "m", "rad")
-VELOCITY = ("m/s", "m/s", "rad/s")
-ACCELERATION = ("m/s2", "m/s2", "rad/s2")
+from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter
+from cosim.blocks.channels import ACCELERATION, POSITION, VELOCITY
 
 
 class SineWavePath(Block):

@@ -1,15 +1,13 @@
-"""How near robots come to each other."""
+"""How near robots come to each other, Section IV."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim.authoring.block import Measure
-from cosim.authoring.rules import condition, rule
-from cosim.authoring.variables import Dimension, Input, Local, Output, Parameter, State
+from cosim import Course, Dimension, Input, Local, Measure, Output, Parameter, State, condition, rule
 from cosim.blocks.agreement import radii_agree
-from cosim.blocks.cell_grid import later, later_near, sees_all, sort_into_cells
+from cosim.blocks.cell_grid import FIELDS, later, later_near, sees_all, sort_into_cells
 from cosim.blocks.distance import planar_square, surely_beyond
 
 
@@ -29,7 +27,7 @@ def has_row(collisions: NDArray, used: int, i: int, j: int) -> bool:
     return listed
 
 
-def everything_listed(unlisted, collision_capacity):
+def everything_listed(unlisted: Course, collision_capacity: int) -> tuple[bool, str]:
     """Whether the table of collisions had a row for every pair."""
     count = int(unlisted.largest)
     if count == 0:
@@ -41,7 +39,7 @@ def everything_listed(unlisted, collision_capacity):
 
 
 class Separation(Measure):
-    """The smallest gap ||z_ij|| - R_i - R_j over all pairs of robots, and which pairs collided when.
+    """The smallest gap ||z_ij|| - R_i - R_j over all pairs of robots, and which pairs collided when, Section IV.
 
     ::
 
@@ -57,10 +55,7 @@ class Separation(Measure):
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
-    cells = Local("robots", 2, dtype=np.int64, unit="1", description="work space: cell of each robot")
-    heads = Local("robots", dtype=np.int64, unit="1", description="work space: first robot of each bucket")
-    links = Local("robots", dtype=np.int64, unit="1", description="work space: next robot of a bucket")
-    found = Local("robots", dtype=np.int64, unit="1", description="work space: robots near one robot")
+    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: the cell grid")
     min_gap = Output(unit="m", finite=False, description="smallest gap of all pairs; infinite for a single robot")
     unlisted = Output(dtype=np.int64, unit="1", description="how many pairs touch that have no row and get none")
     collisions = Output("collision_capacity", 3, finite=False, description="rows [i, j, time] so far; NaN where none")
@@ -70,7 +65,7 @@ class Separation(Measure):
     same = rule("radii as the plant has them, if x is a plant's")(radii_agree)
     complete = condition("every pair that collides is listed")(everything_listed)
 
-    def outputs(time, x, radii, listed, cells, heads, links, found, min_gap, unlisted, collisions):
+    def outputs(time, x, radii, listed, grid, min_gap, unlisted, collisions):
         largest = 0.0
         for i in range(radii.size):
             largest = max(largest, radii[i])
@@ -81,12 +76,12 @@ class Separation(Measure):
             for q in range(3):
                 collisions[k, q] = listed[k, q]
         while True:
-            sort_into_cells(x, reach, cells, heads, links)
+            sort_into_cells(x, reach, grid)
             smallest = math.inf
             used, without = before, 0
             for i in range(x.shape[0]):
-                for k in range(later_near(i, cells, heads, links, found)):
-                    j = later(k, i, found)
+                for k in range(later_near(i, grid)):
+                    j = later(k, i, grid)
                     square = planar_square(x, i, j)
                     if surely_beyond(square, max(smallest, 0.0) + radii[i] + radii[j]):
                         continue

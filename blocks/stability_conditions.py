@@ -1,13 +1,23 @@
-"""The conditions of the paper's theorems, evaluated on a diagram's own matrices and along its run.
+"""The conditions of Theorems 1, 2 and 3, Definition 2 and Remark 5, on a diagram's own matrices and along its run.
 
 Each returns (holds, numbers); None for "holds" means that nobody can say.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cosim import Course
 from cosim.blocks.network_spectrum import NotJudged, lower_ends
+
+if TYPE_CHECKING:
+    from cosim.wiring.conditions import Source
+
+Judged = tuple[bool | None, str]
 
 #: The relative speed (m/s) of two robots that is assumed before a run, for a bound of dL_2/dt.
 CLOSING_SPEED = 1.0
@@ -19,27 +29,31 @@ WITHIN_WIDTH = math.exp(-1.0)
 # ---- Theorem 3: the network ------------------------------------------------------------------------------------
 
 
-def formation_reached(neighbours, b, c):
+def formation_reached(neighbours: Source | None, b: NDArray, c: float) -> Judged:
     """c sigma(Q_1)/2 - sigma_max(P_1) L_M/sigma(L_1 + B) > 0 of Theorem 3, with an assumed L_M."""
     rate, how = assumed_rate(neighbours)
-    return (None, how) if rate is None else _reached(neighbours, b, c, rate, how)
+    if neighbours is None or rate is None:
+        return None, how
+    return _reached(neighbours, b, c, rate, how)
 
 
-def topology_slow(neighbours, b, lambda_):
+def topology_slow(neighbours: Source | None, b: NDArray, lambda_: NDArray) -> Judged:
     """sigma(Lambda) - L_M/sigma(L_1 + B) > 0 of Theorem 3, with an assumed L_M."""
     rate, how = assumed_rate(neighbours)
-    return (None, how) if rate is None else _slow(neighbours, b, lambda_, rate, how)
+    if neighbours is None or rate is None:
+        return None, how
+    return _slow(neighbours, b, lambda_, rate, how)
 
 
-def formation_reached_along(dL_2, weights, s_hat):
-    """The same along a run, with the largest ||dL_2/dt||, for the controller whose s_hat it is."""
+def formation_reached_along(dL_2: Course, weights: Source | None, s_hat: Source | None) -> Judged:
+    """The same of Theorem 3 along a run, with the largest ||dL_2/dt||, for the controller whose s_hat it is."""
     if not (_has_static_graph(weights) and _has_gains(s_hat)):
         return None, UNKNOWN_NETWORK
     return _reached(weights, s_hat.parameters["b"], float(s_hat.parameters["c"]), *_measured_rate(dL_2))
 
 
-def topology_slow_along(dL_2, weights, s_hat):
-    """The same along a run, with the largest ||dL_2/dt||, for the controller whose s_hat it is."""
+def topology_slow_along(dL_2: Course, weights: Source | None, s_hat: Source | None) -> Judged:
+    """The same of Theorem 3 along a run, with the largest ||dL_2/dt||, for the controller whose s_hat it is."""
     if not (_has_static_graph(weights) and _has_gains(s_hat)):
         return None, UNKNOWN_NETWORK
     return _slow(weights, s_hat.parameters["b"], s_hat.parameters["lambda_"], *_measured_rate(dL_2))
@@ -48,7 +62,7 @@ def topology_slow_along(dL_2, weights, s_hat):
 UNKNOWN_NETWORK = "the static graph of the topology or the gains of the controller are not known"
 
 
-def _reached(topology, b, c, rate, how):
+def _reached(topology: Source, b: NDArray, c: float, rate: float, how: str) -> Judged:
     try:
         (p_least, p_most), q_1, sigma = lower_ends(topology.parameters["hears"], b)
     except NotJudged as reason:
@@ -59,7 +73,7 @@ def _reached(topology, b, c, rate, how):
     return bool(margin > 0.0), f"{how}; admitted < {admitted:.4g} 1/s; left side {margin:.4g} 1/s; {numbers}"
 
 
-def _slow(topology, b, lambda_, rate, how):
+def _slow(topology: Source, b: NDArray, lambda_: NDArray, rate: float, how: str) -> Judged:
     try:
         sigma = lower_ends(topology.parameters["hears"], b).sigma
     except NotJudged as reason:
@@ -70,11 +84,11 @@ def _slow(topology, b, lambda_, rate, how):
     return bool(margin > 0.0), f"{how}; admitted < {smallest * sigma:.4g} 1/s; left side {margin:.4g} 1/s; {numbers}"
 
 
-def _measured_rate(dL_2):
+def _measured_rate(dL_2: Course) -> tuple[float, str]:
     return dL_2.largest, f"L_M = {dL_2.largest:.4g} 1/s, largest ||dL_2/dt||, at t = {dL_2.largest_at:.4g} s"
 
 
-def assumed_rate(neighbours):
+def assumed_rate(neighbours: Source | None) -> tuple[float | None, str]:
     """(L_M, how it was found): a bound of ||dL_2/dt||_F (1/s); None where nothing is known of the topology.
 
     |f'| is at most eta_1 eta_2 / 4. A pair whose distance changes at a rate r changes two elements of A_2 and two of
@@ -94,21 +108,20 @@ def assumed_rate(neighbours):
     return bound, f"L_M = {bound:.4g} 1/s is assumed ({pair}), TopologyRate measures it"
 
 
-def _has_static_graph(neighbours):
+def _has_static_graph(neighbours: Source | None) -> TypeGuard[Source]:
     return neighbours is not None and "hears" in neighbours.parameters
 
 
-def _has_gains(s_hat):
+def _has_gains(s_hat: Source | None) -> TypeGuard[Source]:
     return s_hat is not None and {"b", "c", "lambda_"} <= set(s_hat.parameters)
 
 
 # ---- Definition 2: the potential and the references ------------------------------------------------------------
 
 
-def references_apart(x_d, F):
+def references_apart(x_d: Source | None, F: Source | None) -> Judged:
     """outer < ||x_d_i - x_d_j|| of Definition 2 for every pair, for references on one circle."""
-    circle = x_d is not None and {"angle", "radius"} <= set(x_d.parameters)
-    if not circle or F is None or not {"radii", "epsilon_2"} <= set(F.parameters):
+    if not (_is_on_circle(x_d) and _has_outer_boundary(F)):
         return None, "the references or the field are of another kind: nothing is known of their distances"
     centre = x_d.inputs.get("x_c")
     if centre is not None and centre.members > 1:
@@ -122,13 +135,21 @@ def references_apart(x_d, F):
     return bool(distance > boundary), numbers
 
 
-def _places(x_d, robots):
+def _is_on_circle(x_d: Source | None) -> TypeGuard[Source]:
+    return x_d is not None and {"angle", "radius"} <= set(x_d.parameters)
+
+
+def _has_outer_boundary(F: Source | None) -> TypeGuard[Source]:
+    return F is not None and {"radii", "epsilon_2"} <= set(F.parameters)
+
+
+def _places(x_d: Source, robots: int) -> NDArray:
     """Where the references stand around their centre (m), (robots, 2)."""
     angle, radius = (np.resize(x_d.parameters[name], robots) for name in ("angle", "radius"))
     return np.column_stack((radius * np.cos(angle), radius * np.sin(angle)))
 
 
-def _tightest_pair(places, outer):
+def _tightest_pair(places: NDArray, outer: NDArray) -> tuple[int, int, float]:
     """The pair i < j with the least ||places_i - places_j|| - outer_i - outer_j, and that distance (m)."""
     least, found = math.inf, (0, 0, math.inf)
     for i in range(len(places) - 1):
@@ -143,11 +164,11 @@ def _tightest_pair(places, outer):
 # ---- Remark 5: where the network feels -------------------------------------------------------------------------
 
 
-def network_covers_reference(x_d, v_hat, stop):
+def network_covers_reference(x_d: Source | None, v_hat: Source | None, stop: float) -> Judged:
     """Whether y = [x_d; dx_d/dt] stays within one width of a centre until the run's end, for references (43)."""
     if v_hat is None or not {"centres", "width"} <= set(v_hat.parameters):
         return None, "the observer has no neural network whose width is known"
-    if x_d is None or not {"angle", "radius"} <= set(x_d.parameters):
+    if not _is_on_circle(x_d):
         return None, "where the references go is not known"
     centre = x_d.inputs.get("x_c")
     if centre is None or not {"speed", "amplitude", "frequency"} <= set(centre.parameters):
@@ -160,7 +181,7 @@ def network_covers_reference(x_d, v_hat, stop):
     times = np.linspace(0.0, stop, _samples(path[:, 2].max(), stop))
     worst, numbers = 0.0, ""
     for i, place in enumerate(_places(x_d, robots)):
-        away = _away_from_centres(_visited(place, *path[i], times), centres[i])
+        away = _away_from_centres(_visited(place, path[i], times), centres[i])
         at = int(np.argmax(away))
         if away[at] / width[i] > worst:
             worst = away[at] / width[i]
@@ -172,27 +193,28 @@ def network_covers_reference(x_d, v_hat, stop):
     return bool(worst <= 1.0), numbers
 
 
-def network_covers_run(coverage):
-    """Whether y = [x; v_hat] stayed within one width of a centre: some neuron was active by 1/e or more."""
+def network_covers_run(coverage: Course) -> Judged:
+    """Whether y = [x; v_hat] stayed within one width of a centre, Remark 5: some neuron was active by 1/e or more."""
     numbers = f"the most active neuron fell to {coverage.smallest:.3g} at t = {coverage.smallest_at:.4g} s"
     holds = coverage.smallest >= WITHIN_WIDTH
     return holds, numbers if holds else f"{numbers}, below 1/e: enlarge `width`"
 
 
-def _samples(frequency, stop):
+def _samples(frequency: float, stop: float) -> int:
     """How many times are looked at: twenty a period of the path (rad/s), within bounds."""
     return int(min(max(20.0 * abs(frequency) * stop / (2.0 * math.pi), 1000.0), 100_000.0)) + 1
 
 
-def _visited(place, speed, amplitude, frequency, times):
-    """y = [x_d; dx_d/dt] of (43) at these times, (6, times)."""
+def _visited(place: NDArray, path: NDArray, times: NDArray) -> NDArray:
+    """y = [x_d; dx_d/dt] of (43) at these times, (6, times), along a path of (speed, amplitude, frequency)."""
+    speed, amplitude, frequency = path
     y, phase = np.zeros((6, times.size)), frequency * times
     y[0], y[1] = place[0] + speed * times, place[1] + amplitude * np.sin(phase)
     y[3], y[4] = speed, amplitude * frequency * np.cos(phase)
     return y
 
 
-def _away_from_centres(y, centres):
+def _away_from_centres(y: NDArray, centres: NDArray) -> NDArray:
     """How far y (2n, times) is from the nearest d_j = centre_j [1, …, 1]."""
     nearest = np.min(np.abs(y.mean(axis=0) - centres[:, np.newaxis]), axis=0)
     return np.sqrt(((y - y.mean(axis=0)) ** 2).sum(axis=0) + len(y) * nearest**2)
@@ -201,7 +223,7 @@ def _away_from_centres(y, centres):
 # ---- Theorems 1 and 2: the observer ----------------------------------------------------------------------------
 
 
-def observer_stable(alpha_1, alpha_2, beta_1):
+def observer_stable(alpha_1: float, alpha_2: float, beta_1: float) -> Judged:
     """A is Hurwitz, and so has a P_2 > 0, Lemma 4."""
     p, _ = lyapunov_matrix(alpha_1, alpha_2, beta_1)
     poles = np.roots([1.0, alpha_1 * beta_1, alpha_2 * beta_1])
@@ -210,7 +232,17 @@ def observer_stable(alpha_1, alpha_2, beta_1):
     return bool(poles.real.max() < 0.0 and smallest > 0.0), f"{numbers}, sigma(P_2) = {smallest:.4g}"
 
 
-def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, width, n):
+def observer_region(
+    alpha_1: float,
+    alpha_2: float,
+    beta_1: float,
+    gamma_1: NDArray,
+    gamma_2: NDArray,
+    c_v: float,
+    centres: NDArray,
+    width: float,
+    n: int,
+) -> Judged:
     """K < 10^(c_v - j) for every band j but the last, and K < 10^(c_v - n_v + 1) for that, (23).
 
     K is the root that follows from (16) and stands in the proof of Theorem 2. It contains bounds that nobody knows: of
@@ -234,7 +266,7 @@ def observer_region(alpha_1, alpha_2, beta_1, gamma_1, gamma_2, c_v, centres, wi
     return None if holds else False, f"{numbers}; K, at least, band by band: {'; '.join(texts)}"
 
 
-def power(base, exponent):
+def power(base: float, exponent: float) -> float:
     """base ** exponent, infinite where that is too large for a number."""
     try:
         return float(base) ** float(exponent)
@@ -242,7 +274,7 @@ def power(base, exponent):
         return math.inf
 
 
-def lyapunov_matrix(alpha_1, alpha_2, beta_1):
+def lyapunov_matrix(alpha_1: float, alpha_2: float, beta_1: float) -> tuple[NDArray, float]:
     """(P_2, smallest eigenvalue of Q_2) of Lemma 4 for one channel, with Q_2 = I: A^T P_2 + P_2 A = -Q_2."""
     from scipy.linalg import solve_continuous_lyapunov
 
@@ -250,16 +282,16 @@ def lyapunov_matrix(alpha_1, alpha_2, beta_1):
     return solve_continuous_lyapunov(a.T, -np.eye(2)), 1.0
 
 
-def largest_activation(centres, width, n):
-    """phi_M, the largest ||phi(y)||: it is reached where all 2n elements of y are equal."""
+def largest_activation(centres: NDArray, width: float, n: int) -> float:
+    """phi_M of (16), the largest ||phi(y)||: it is reached where all 2n elements of y are equal."""
     middle = np.linspace(centres.min(), centres.max(), 1001)[:, np.newaxis]
     phi = np.exp(-2 * n * (middle - centres) ** 2 / width**2)
     return float(np.sqrt((phi**2).sum(axis=1).max()))
 
 
-def _p_2(p):
+def _p_2(p: NDArray) -> str:
     return f"P_2 = [{p[0, 0]:.4g} {p[0, 1]:.4g}; {p[1, 0]:.4g} {p[1, 1]:.4g}] ⊗ I for Q_2 = I"
 
 
-def _listed(values):
+def _listed(values: NDArray) -> str:
     return ", ".join(f"{value:.4g}" for value in np.real_if_close(values))

@@ -1,10 +1,8 @@
-"""The static communication graph."""
+"""The static communication graph, Section II-B."""
 
 import numpy as np
 
-from cosim.authoring.block import Block
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import Dimension, Input, Local, Output, Parameter
+from cosim import Block, Dimension, Input, Local, Output, Parameter, rule
 from cosim.blocks.adjacency import begin_with_static, names_robots, strongly_connected
 
 

@@ -1,14 +1,12 @@
-"""How fast the range-based part of a network changes."""
+"""How fast the range-based part of a network changes, (44)."""
 
 import math
 
 import numpy as np
 
-from cosim.authoring.block import Measure
-from cosim.authoring.rules import condition, rule
-from cosim.authoring.variables import Input, Output, Parameter
+from cosim import Input, Measure, Output, Parameter, condition, rule
 from cosim.blocks.agreement import agrees
-from cosim.blocks.distance import planar_square
+from cosim.blocks.distance import planar_distance
 from cosim.blocks.stability_conditions import formation_reached_along, topology_slow_along
 
 
@@ -54,11 +52,9 @@ class TopologyRate(Measure):
                 a = weights[i, k]
                 if a == 1.0:
                     continue
-                distance = math.sqrt(planar_square(x, i, j))
-                across = (x[i, 0] - x[j, 0]) * (v[i, 0] - v[j, 0]) + (x[i, 1] - x[j, 1]) * (v[i, 1] - v[j, 1])
-                rate = 0.0
-                if distance > 0.0:
-                    rate = -eta_2 * a * (1.0 - a / eta_1) * across / distance
+                distance = planar_distance(x, i, j)
+                approach = (x[i, 0] - x[j, 0]) * (v[i, 0] - v[j, 0]) + (x[i, 1] - x[j, 1]) * (v[i, 1] - v[j, 1])
+                rate = -eta_2 * a * (1.0 - a / eta_1) * approach / distance if distance > 0.0 else 0.0  # (44)
                 degree += a
                 rate_of_degree += rate
                 square += a * a

@@ -4,9 +4,7 @@ import math
 
 import numpy as np
 
-from cosim.authoring.block import Measure
-from cosim.authoring.rules import rule
-from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter
+from cosim import CalculatedParameter, Input, Measure, Output, Parameter, rule
 from cosim.blocks.agreement import agrees
 from cosim.blocks.network_spectrum import network_extremes
 

@@ -1,10 +1,9 @@
-"""What a robot's model does not know."""
+"""What a robot's model does not know: w_i of (2) and (42)."""
 
 import math
 
-from cosim.authoring.block import Block
-from cosim.authoring.variables import Input, Output, Parameter
-from cosim.blocks.reference import POSITION
+from cosim import Block, Input, Output, Parameter
+from cosim.blocks.channels import ACCELERATION, POSITION
 
 
 class Uncertainty(Block):
@@ -22,11 +21,12 @@ class Uncertainty(Block):
     x = Input(3, unit=POSITION, description="position and heading")
     number = Parameter(unit="1", default="i", description="the robot's number i")
     amplitude = Parameter(unit="1", default=1.0, description="how many times the paper's uncertainty")
-    w = Output(3, unit=("m/s2", "m/s2", "rad/s2"), description="uncertainty")
+    w = Output(3, unit=ACCELERATION, description="uncertainty")
 
     def outputs(time, x, number, amplitude, w):
+        p_x, p_y, theta = x[0], x[1], x[2]
         phase = number * math.pi / 5.0
-        w[0] = amplitude * (0.5 * math.sin(x[0]) + math.tanh(x[0]) + 0.6 * math.sin(0.6 * time + phase))
-        nearby = 1.4 * math.exp(-abs(x[1]) - 1.0)
-        w[1] = amplitude * (0.3 * math.sin(x[1]) - nearby + 0.8 * math.sin(0.4 * time + phase))
-        w[2] = amplitude * (0.2 * math.cos(x[2]) + math.sin(0.5 * time + phase))
+        w_1 = 0.5 * math.sin(p_x) + math.tanh(p_x) + 0.6 * math.sin(0.6 * time + phase)
+        w_2 = 0.3 * math.sin(p_y) - 1.4 * math.exp(-abs(p_y) - 1.0) + 0.8 * math.sin(0.4 * time + phase)
+        w_3 = 0.2 * math.cos(theta) + math.sin(0.5 * time + phase)
+        w[0], w[1], w[2] = amplitude * w_1, amplitude * w_2, amplitude * w_3

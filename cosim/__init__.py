@@ -10,9 +10,10 @@ from importlib import import_module
 TYPE_CHECKING = False  # as of `typing`, without the time that it takes
 if TYPE_CHECKING:
     from cosim.authoring.block import Block, Measure
-    from cosim.authoring.rules import condition, rule
+    from cosim.authoring.rules import Course, condition, rule
     from cosim.authoring.variables import CalculatedParameter, Dimension, Input, Local, Output, Parameter, State
-    from cosim.engine.run import Outcome, Run, load
+    from cosim.engine.outcome import Outcome
+    from cosim.engine.run import Run, load
     from cosim.errors import CosimError
     from cosim.export.exporter import export_fmu
     from cosim.results.result_file import open_result
@@ -22,9 +23,10 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "cosim.authoring.block": "Block Measure",
-    "cosim.authoring.rules": "condition rule",
+    "cosim.authoring.rules": "Course condition rule",
     "cosim.authoring.variables": "CalculatedParameter Dimension Input Local Output Parameter State",
-    "cosim.engine.run": "Outcome Run load",
+    "cosim.engine.outcome": "Outcome",
+    "cosim.engine.run": "Run load",
     "cosim.errors": "CosimError",
     "cosim.export.exporter": "export_fmu",
     "cosim.results.result_file": "open_result",
@@ -36,6 +38,7 @@ __all__ = [
     "Block",
     "CalculatedParameter",
     "CosimError",
+    "Course",
     "Dimension",
     "Input",
     "Local",

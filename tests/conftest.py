@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from cosim.engine import run, simulation, table
-from cosim.engine.simulation import Probes, Simulation
+from cosim.engine import compilation, program, run
+from cosim.engine.probes import Probes
+from cosim.engine.simulation import Simulation
 from cosim.wiring.network import Network, Signal
 
 # The same examples at every run: a test that fails here fails everywhere. `--hypothesis-profile search` draws new ones.
@@ -55,9 +56,9 @@ def trajectories():
     """Run a network and return its signals at every step: {name: array (steps + 1, *shape)}."""
 
     def trajectory(network: Network, *names: str, method: str | None = None, engine: str = "native"):
-        built = table.build(network, method or network.diagram.run.method)
+        built = program.build(network, method or network.diagram.run.method)
         signals = tuple(Signal(*name.rsplit(".", 1)) for name in names)
-        kernels = simulation.compile_table(built) if engine == "native" else None
+        kernels = compilation.compile_program(built) if engine == "native" else None
         one = Simulation(built, kernels, [Probes(signals)])
         one.initialize()
         parts: dict[str, list[np.ndarray]] = {name: [] for name in names}

@@ -24,8 +24,11 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from cosim.compiling import compiler
-from cosim.engine import loop, run, simulation
+from cosim.engine import loop, probes, run
+from cosim.engine.layout import VECTORS
+from cosim.engine.simulation import Simulation
 from cosim.export import build, exporter
+from cosim.integrators import HEAD
 from cosim.machine import object_code
 
 WORK = Path(os.environ["SANITIZED"])
@@ -68,12 +71,15 @@ def compile_object(name: str, sources: Any) -> bytes:
     return str(path).encode()
 
 
-def fence(one: simulation.Simulation) -> None:
+def fence(one: Simulation) -> None:
     """Forbid to touch what lies between two variables of the arena."""
-    table, owned = one.table, np.zeros(one.arena.size, bool)
-    spans = [(offset, 8 * table.states) for offset in table.vectors.values()]
-    for call in table.calls:
-        component = table.network.components[call.component]
+    program, owned = one.program, np.zeros(one.arena.size, bool)
+    layout = program.layout
+    spans = [(offset, 8 * layout.states * layout.slopes) for offset in (layout.vectors["SLOPES"],)]
+    spans += [(layout.vectors[name], 8 * layout.states) for name in VECTORS]
+    spans += [(row[loop.TABLEAU], 8 * row[loop.STAGES] * (HEAD + row[loop.STAGES])) for row in program.banks]
+    for call in program.calls:
+        component = program.network.components[call.component]
         spans.append((call.frame, 8 * (6 + len(component.axes) + 2 * len(call.arguments))))
         for place in call.arguments:
             if place is not None:
@@ -81,11 +87,11 @@ def fence(one: simulation.Simulation) -> None:
                 spans += [(place.offset + k * place.stride, size) for k in range(call.count)]
     for begin, size in spans:
         owned[begin : begin + -(-size // 8) * 8] = True
-    copies = table.operations[table.operations[:, loop.KIND] == loop.COPY]
+    copies = program.rows[program.rows[:, loop.KIND] == loop.COPY]
     for row in copies:
         for begin in (row[loop.A], row[loop.B]):
             owned[begin : begin + 8 * row[loop.C]] = True
-    for begin, words in (table.published,):
+    for begin, words in program.layout.published.values():
         owned[begin : begin + 8 * words] = True  # the padding between them is read, and is zero
     library = ctypes.CDLL(None)
     for begin, end in _runs(~owned):
@@ -102,11 +108,11 @@ def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
 def watch_run(path: str, settings: list[str], broken: bool) -> None:
     compiler.compile_object = compile_object
     object_code.Library = Library  # type: ignore[misc]
-    simulation.BUFFER_BYTES = 2_000
+    probes.BUFFER_BYTES = 2_000
     one = run.Run(run.load(path, settings))
     fence(one.simulation)
     if broken:
-        one.simulation._groups[:, loop.CAPACITY] += 1
+        one.simulation.buffers.groups[:, loop.CAPACITY] += 1
     outcome = one.execute()
     print(outcome.as_json())
     assert outcome.status == "completed", outcome.error
@@ -115,7 +121,7 @@ def watch_run(path: str, settings: list[str], broken: bool) -> None:
 def watch_fmu(path: str, settings: list[str]) -> None:
     from tests.fmu.fmu_host import Host
 
-    def of(self: Any, unit: build.Unit, platform: build.Platform) -> bytes:
+    def of(self: Any, unit: build.CodeUnit, platform: build.Platform) -> bytes:
         return watched(
             compiler.compile_ir(unit.name, unit.sources), unit.name, [s.symbol for s in unit.sources]
         ).read_bytes()

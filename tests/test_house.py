@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -11,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 #: From the ground up. A floor may import what stands to its left. `__main__` and the face are the doorstep.
 FLOORS = (
     "errors",
+    "integrators",
     "machine",
     "language",
     "authoring",
@@ -103,6 +105,32 @@ def test_only_the_terminal_prints():
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
     }
     assert {floor(name) for name in printing} == {"terminal"}
+
+
+def test_nothing_is_long():
+    """No file above 400 lines, no class above 200, no function above 40."""
+    most = {ast.ClassDef: 200, ast.FunctionDef: 40, ast.AsyncFunctionDef: 40}
+    long = []
+    for path in (*MODULES.values(), *(ROOT / "blocks").glob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        sizes = [(path.stem, text.count("\n"), 400)]
+        for node in ast.walk(ast.parse(text)):
+            if limit := most.get(type(node)):
+                sizes.append((f"{path.stem}.{node.name}", node.end_lineno - node.lineno + 1, limit))
+        long += [(name, lines) for name, lines, limit in sizes if lines > limit]
+    assert long == []
+
+
+def test_no_two_classes_and_no_two_files_share_a_name():
+    """A command's file is called as the command is."""
+    files = Counter(name.rpartition(".")[2] for name in GRAPH if ".commands." not in name)
+    classes = Counter(
+        node.name
+        for name in GRAPH
+        for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert [name for name, count in (files + classes).items() if count > 1] == []
 
 
 def test_the_tests_stand_where_the_files_do():

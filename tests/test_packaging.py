@@ -61,5 +61,6 @@ def test_a_folder_called_blocks_beside_a_file_of_blocks_is_in_nobodys_way(instal
     (tmp_path / "blocks" / "mine.py").write_text("FACTOR = 3.0\n")
     own = tmp_path / "own.py"
     own.write_text("from blocks.mine import FACTOR\nfrom cosim.blocks.cube_root import cube_root\n")
-    code = f"from pathlib import Path; from cosim.wiring import library; m = library.import_file(Path({str(own)!r})); "
+    code = "from pathlib import Path; from cosim.wiring.block_files import import_file; "
+    code += f"m = import_file(Path({str(own)!r})); "
     assert told(installed, code + "print(m.cube_root(9.0 * m.FACTOR))") == ["3.0"]

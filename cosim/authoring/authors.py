@@ -16,8 +16,10 @@ from typing import Any, cast
 
 from cosim.authoring import naming
 from cosim.authoring.author_source import Text, arguments_of, function_text, shown
-from cosim.authoring.dataflow import Effects, LeftOut, effects, scope_of
+from cosim.authoring.dataflow.effects import Effects, LeftOut
+from cosim.authoring.dataflow.following import effects
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
+from cosim.authoring.scope import scope_of
 from cosim.authoring.shared_operations import unshared
 from cosim.authoring.variables import Local, State, Variable
 from cosim.errors import CosimError, DeclarationError, Position, Problems, nearest

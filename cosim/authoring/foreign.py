@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -28,15 +28,16 @@ class Foreign(Protocol):
 class Loop:
     """What a foreign block is told of the loop that calls it.
 
-    step: communication step (s). inner_step: of the integration of its states (s), which asks for derivatives `stages`
-    times; joint: with the states of all other blocks. ending: the address of the word that ends the run, see
-    `cosim.engine.loop.ENDING`. again: of the word that asks for another evaluation of outputs, see
-    `cosim.engine.loop.AGAIN`.
+    step: the address of the communication step (s). inner_steps: in how many its states are integrated in one,
+    each of so many stages; tableau: of the integrator, as of `Tableau.words`. joint: with the states of all others.
+    ending: the address of the word that ends the run, see `cosim.engine.loop.ENDING`. again: of the word that asks for
+    another evaluation of outputs, see `cosim.engine.loop.AGAIN`.
     """
 
-    step: float
-    inner_step: float
+    step: int
+    inner_steps: int
     stages: int
+    tableau: Sequence[float]
     joint: bool
     ending: int
     again: int

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cosim.authoring.author_source import Text, function_text
-from cosim.authoring.dataflow import resolve, scope_of
+from cosim.authoring.scope import resolve, scope_of
 
 _BUILTINS = "abs min max range len int float bool round enumerate zip divmod tuple slice"
 SHARED_BUILTINS = frozenset(getattr(builtins, name) for name in _BUILTINS.split())
@@ -210,27 +210,34 @@ def _value(value: Any, name: str) -> tuple[str, str] | None:
         fix = "name `time` as an argument for the simulated time" if module == "time" else "bring it in by an input"
         return f"asks the world outside with `{name}`, which no run could repeat", fix
     if module == "builtins" and isinstance(value, types.BuiltinFunctionType | type):
-        if value in SHARED_BUILTINS or (isinstance(value, type) and issubclass(value, BaseException)):
-            return None
-        if value is sum:
-            return _adds("sum()")
-        if value is print:
-            return "prints, which compiled code does not do as Python does", "declare a Local and record it"
-        return (
-            f"calls `{name}()`, which compiled code does not have as Python has it",
-            "compute with numbers and `math`",
-        )
+        return _of_builtins(value, name)
     if module == "math":
         return _of_math(value, name)
-    if not (module.startswith("numpy") or isinstance(value, np.ufunc)) or _is_in(value, SHARED_NUMPY):
+    if module.startswith("numpy") or isinstance(value, np.ufunc):
+        return _of_numpy(value, name, module)
+    return None
+
+
+def _of_builtins(value: Any, name: str) -> tuple[str, str] | None:
+    if value in SHARED_BUILTINS or (isinstance(value, type) and issubclass(value, BaseException)):
         return None
-    short = name.rpartition(".")[2]
-    if module.startswith("numpy.random") or type(getattr(value, "__self__", None)).__module__.startswith(
-        "numpy.random"
-    ):
+    if value is sum:
+        return _adds("sum()")
+    if value is print:
+        return "prints, which compiled code does not do as Python does", "declare a Local and record it"
+    what = f"calls `{name}()`, which compiled code does not have as Python has it"
+    return what, "compute with numbers and `math`"
+
+
+def _of_numpy(value: Any, name: str, module: str) -> tuple[str, str] | None:
+    if _is_in(value, SHARED_NUMPY):
+        return None
+    owner = type(getattr(value, "__self__", None)).__module__
+    if module.startswith("numpy.random") or owner.startswith("numpy.random"):
         return _draws(name)
     if _is_in(value, MAKING_NUMPY):
         return _makes(f"{name}()")
+    short = name.rpartition(".")[2]
     twin = _TWINS.get(short, short)
     if getattr(math, twin, None) in SHARED_MATH:
         return f"calls `{name}`, which the two engines do not have alike", f"use math.{twin}"

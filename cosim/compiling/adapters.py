@@ -7,17 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
-from cosim.compiling.fingerprint import fingerprint
-
-# A frame's words: what a kernel leaves where it fails (the address of a text, two numbers for it, the instance, and the
-# time), the number of instances, the sizes of the run-time dimensions, and offset and stride of each argument.
-FAULT_WORDS = 5
-INSTANCES = FAULT_WORDS
-FIRST_ARGUMENT = INSTANCES + 1
+from cosim.compiling.fingerprint.text import fingerprint
+from cosim.compiling.frame import INSTANCES, frame_of
 
 
 @dataclass(frozen=True)
-class Source:
+class KernelSource:
     """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what its code depends on.
 
     meaning: what it computes depends on, which its lines are no part of.
@@ -37,12 +32,7 @@ class Source:
     who: str = ""
 
 
-def run_time_dimensions(declaration: Declaration, constants: dict[str, int]) -> list[str]:
-    """The named dimensions that kernels of this type read from the frame, in order."""
-    return [name for name in declaration.dimension_names() if name not in constants]
-
-
-def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> Source:
+def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> KernelSource:
     """The kernel around one function of a block."""
     text = adapter_text(declaration, function, constants)
     digest = fingerprint(function.python, lines=True)
@@ -64,7 +54,7 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
     place = f"{code.co_filename}:{code.co_firstlineno}"
     facts = digest + text + _declared(declaration, function)
     who = f"{declaration.name}.{function.name}()"
-    return Source(function.name, build, facts, meaning, disjoint=True, checked=True, place=place, who=who)
+    return KernelSource(function.name, build, facts, meaning, disjoint=True, checked=True, place=place, who=who)
 
 
 def _declared(declaration: Declaration, function: Function) -> str:
@@ -74,15 +64,12 @@ def _declared(declaration: Declaration, function: Function) -> str:
 
 
 def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:
-    """Source of the kernel around one function: frame -> arrays -> the author's function, for each instance."""
-    dims = run_time_dimensions(declaration, constants)
+    """KernelSource of the kernel around one function: frame -> arrays -> the author's function, for each instance."""
+    frame = frame_of(declaration, function, constants)
     lines = ["def adapter(time, base, frame):"]
-    lines += [f"    {name}_size = size(frame[{FIRST_ARGUMENT + k}])" for k, name in enumerate(dims)]
+    lines += [f"    {name}_size = size(frame[{word}])" for name, word in frame.dimensions.items()]
     lines += [f"    for k in range(frame[{INSTANCES}]):", "        instance(k)"]
-    slot = FIRST_ARGUMENT + len(dims)
-    for argument in function.arguments:
-        if argument == "time":
-            continue
+    for argument, slot in frame.slots.items():
         variable = variable_of(declaration, argument)
         place = f"base, frame[{slot}] + k * frame[{slot + 1}]"
         kind = variable.dtype.name
@@ -92,13 +79,12 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
             sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
             view = f"array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))"
             lines.append(f"        {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
-        slot += 2
     call = ", ".join("time" if a == "time" else f"{a}_" for a in function.arguments)
     lines += [f"        function({call})", "    return 0", ""]
     return "\n".join(lines)
 
 
-def raw_source(module: str, entry: Callable[[float, int, int], int]) -> Source:
+def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSource:
     """The kernel around a function of a time and two addresses, of the base and of the frame."""
     name = entry.__name__
     text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
@@ -110,4 +96,4 @@ def raw_source(module: str, entry: Callable[[float, int, int], int]) -> Source:
         exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)
         return scope["adapter"]
 
-    return Source(name, build, fingerprint(entry, lines=True) + text, lambda: fingerprint(entry) + text)
+    return KernelSource(name, build, fingerprint(entry, lines=True) + text, lambda: fingerprint(entry) + text)

@@ -2,7 +2,7 @@
 
 An index is compared once, unsigned, with the size of its axis; LLVM proves most comparisons away, and the failing side
 is one call of a cold function. Whatever fails, an index or a `raise`, writes a fault to the first words of the frame
-(see `cosim.compiling.adapters`): the address of a text, two numbers that belong into it, and the instance. So a fault
+(see `cosim.compiling.frame`): the address of a text, two numbers that belong into it, and the instance. So a fault
 can be told without Python. numba's own records of exceptions, which are pickles, are not used.
 """
 
@@ -25,6 +25,7 @@ from numba.core.typed_passes import NativeLowering, NopythonTypeInference
 
 from cosim.compiling import mixed_numbers
 from cosim.compiling.arithmetic import Arithmetic, Widening
+from cosim.compiling.frame import FIRST_NUMBER, INSTANCE, SECOND_NUMBER
 
 #: What a function of ours returns when it has left a fault. Functions of numba's library return USEREXC.
 FAULT = callconv.errcode_t(callconv.RETCODE_USEREXC.constant + 1)
@@ -32,15 +33,15 @@ WORD = ir.IntType(64)
 BYTES = ir.IntType(8).as_pointer()
 
 #: Writes a fault; its arguments: where to, text, two numbers, instance.
-RECORD = """
-define void @cosim_fault(ptr %fault, ptr %text, i64 %first, i64 %second) cold noinline nounwind {
-  %first_place = getelementptr i64, ptr %fault, i64 1
-  %second_place = getelementptr i64, ptr %fault, i64 2
+RECORD = f"""
+define void @cosim_fault(ptr %fault, ptr %text, i64 %first, i64 %second) cold noinline nounwind {{
+  %first_place = getelementptr i64, ptr %fault, i64 {FIRST_NUMBER}
+  %second_place = getelementptr i64, ptr %fault, i64 {SECOND_NUMBER}
   store ptr %text, ptr %fault
   store i64 %first, ptr %first_place
   store i64 %second, ptr %second_place
   ret void
-}
+}}
 """
 
 
@@ -92,7 +93,7 @@ class CallConvention(callconv.CPUCallConv):
             self._write(builder, "an exception in a function that is called there", getattr(builder, "site", None))
         if (instance := getattr(builder, "instance", None)) is not None:
             fault = builder.bitcast(self._get_excinfo_argument(builder.function), WORD.as_pointer())
-            builder.store(instance, builder.gep(fault, [WORD(3)]))
+            builder.store(instance, builder.gep(fault, [WORD(INSTANCE)]))
         with builder.if_then(builder.not_(state.in_try)):
             self._return_errcode_raw(builder, FAULT)
 

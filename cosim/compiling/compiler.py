@@ -17,7 +17,7 @@ from cosim.errors import CosimError, KernelError, Problems
 from cosim.machine import object_code
 
 if TYPE_CHECKING:
-    from cosim.compiling.adapters import Source
+    from cosim.compiling.adapters import KernelSource
 
 #: Functions of the C library that object code may call; anything else would need a run time of numba's.
 _LIBC = (
@@ -28,7 +28,7 @@ _LIBC = (
 LIBC = frozenset(_LIBC.split())
 
 
-def compile_object(name: str, sources: Iterable[Source]) -> bytes:
+def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
     """Object code of the sources for this machine.
 
     Raises: KernelError, DeclarationError, DiagramErrors with several: each at its line in the author's file.
@@ -38,44 +38,23 @@ def compile_object(name: str, sources: Iterable[Source]) -> bytes:
     return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
 
 
-def compile_ir(name: str, sources: Iterable[Source]) -> str:
+def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
     """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: as `compile_object`."""
-    from numba import types
-    from numba.core.compiler import Compiler, Flags, compile_extra
     from numba.core.compiler_lock import global_compiler_lock
 
-    from cosim.compiling import arithmetic, checks, helpers
+    from cosim.compiling import checks, helpers
 
-    signature = (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64))
-    flags: Any = Flags()
-    flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
-    flags.error_model = "numpy"
     problems, good = Problems(), []
     with global_compiler_lock, helpers.unoptimised(), checks.checking():
-        target = helpers.target()
-        library = target.target_context.codegen().create_library(name)
+        library = helpers.target().target_context.codegen().create_library(name)
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
         for source in sources:
-            flags.noalias, flags.boundscheck = source.disjoint, source.checked
             try:
-                adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
-                with arithmetic.wrapping() if source.checked else nullcontext():
-                    result = compile_extra(
-                        target.typing_context,
-                        target.target_context,
-                        adapter,
-                        signature,
-                        types.int32,
-                        flags,
-                        locals={},
-                        library=library,
-                        pipeline_class=checks.Compiler if source.checked else Compiler,
-                    )
+                _add(source, library)
             except Exception as error:
                 problems.add(_explain(error, source, name))
                 continue
             good.append(source)
-            library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
         if not problems.errors:
             library.finalize()
     if problems.errors:
@@ -83,6 +62,34 @@ def compile_ir(name: str, sources: Iterable[Source]) -> str:
             problems.attempt(compile_object, name, good)  # what is wrong with the others
         problems.raise_one_or_all()
     return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+
+
+def _add(source: KernelSource, library: Any) -> None:
+    """Compile a source into a library of numba's. Raises: CosimError, and whatever the compiler does."""
+    from numba import types
+    from numba.core.compiler import Compiler, Flags, compile_extra
+
+    from cosim.compiling import arithmetic, checks, helpers
+
+    flags: Any = Flags()
+    flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
+    flags.error_model = "numpy"
+    flags.noalias, flags.boundscheck = source.disjoint, source.checked
+    adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
+    target = helpers.target()
+    with arithmetic.wrapping() if source.checked else nullcontext():
+        result = compile_extra(
+            target.typing_context,
+            target.target_context,
+            adapter,
+            (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64)),
+            types.int32,
+            flags,
+            locals={},
+            library=library,
+            pipeline_class=checks.Compiler if source.checked else Compiler,
+        )
+    library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
 
 
 #: numba's array views are typed with a reference count; those that kernels see own nothing.
@@ -144,7 +151,7 @@ def _refuse_foreign(module: Any, name: str) -> None:
         raise KernelError(f"{name} cannot be compiled: it needs `{foreign[0]}`, which the C library lacks", fix=fix)
 
 
-def _explain(error: Exception, source: Source, name: str) -> CosimError:
+def _explain(error: Exception, source: KernelSource, name: str) -> CosimError:
     """A mistake of the author's as it is, and the compiler's message in the author's words."""
     if isinstance(error, CosimError):
         return error

@@ -22,7 +22,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 
 from cosim.authoring.author_source import shown
 from cosim.compiling import checks, intrinsics
-from cosim.compiling.fingerprint import fingerprint
+from cosim.compiling.fingerprint.text import fingerprint
 from cosim.errors import KernelError, Position
 from cosim.machine import memory
 

@@ -1,9 +1,7 @@
 """Compiles authors' functions, each behind one C ABI, and caches the object code in the user's cache folder.
 
-Every kernel is ``int32 kernel(double time, uint8 *base, int64 *frame)`` and returns an FMI status. The frame is
-``[fault…, instances, sizes of run-time dimensions…, (offset, stride) per argument…]`` in words of 64 bits (see
-`cosim.compiling.adapters`); offsets are bytes from `base`, strides are bytes between two instances (0: all instances
-share the value). A function that fails writes to `fault` what is to be told of it.
+Every kernel is ``int32 kernel(double time, uint8 *base, int64 *frame)`` and returns an FMI status. What lies in a frame
+says `cosim.compiling.frame`; a function that fails leaves there what is to be told of it.
 
 A source is compiled once: the cache is keyed by the functions and all that they reach, the shapes, the versions of the
 compilers, and the processor. What cannot be followed to its end is compiled at every run. A warm start imports neither
@@ -20,8 +18,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from cosim.authoring.declaration import Declaration
-from cosim.compiling.adapters import Source, block_source, raw_source
-from cosim.compiling.fingerprint import obstacle
+from cosim.compiling.adapters import KernelSource, block_source, raw_source
+from cosim.compiling.fingerprint.text import obstacle
 from cosim.machine import cache, notices, object_code
 
 
@@ -33,7 +31,7 @@ class Module:
     code: bytes
     key: str
     compiled_now: bool
-    sources: tuple[Source, ...]
+    sources: tuple[KernelSource, ...]
 
     @cached_property
     def meaning(self) -> str:
@@ -50,7 +48,7 @@ class Module:
 _loaded: dict[str, object_code.Library] = {}
 
 
-def module(name: str, sources: Iterable[Source]) -> Module:
+def module(name: str, sources: Iterable[KernelSource]) -> Module:
     """The compiled sources, from the cache or compiled now.
 
     Raises: KernelError, naming the function that the compiler cannot take.

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from cosim.compiling.frame import FaultRecord
+
 _HERE = str(Path(__file__).parents[1])
 _INDEX = re.compile(r"index (-?\d+) is out of bounds for axis (\d+) with size (\d+)")
 
@@ -25,21 +27,9 @@ class Fault:
     instance: int
 
 
-class _Record(ctypes.Structure):
-    """The first words of a frame, see `cosim.compiling.adapters`."""
-
-    _fields_ = (
-        ("text", ctypes.c_char_p),
-        ("first", ctypes.c_int64),
-        ("second", ctypes.c_int64),
-        ("instance", ctypes.c_int64),
-        ("time", ctypes.c_double),
-    )
-
-
 def left(frame: int) -> Fault | None:
     """What a call that failed left in its frame, at an address; None where it left nothing."""
-    record = _Record.from_address(frame)
+    record = FaultRecord.from_address(frame)
     if not record.text:
         return None
     numbers = iter((record.first, record.second))
@@ -52,7 +42,7 @@ def leave(frame: int, texts: np.ndarray, error: BaseException, time: float, inst
     """Leave in a frame what an interpreted function raised, as a compiled one does; texts: bytes that stay."""
     text = _text(error).replace("%", "%%").encode()[: len(texts) - 1] + b"\0"
     texts[: len(text)] = np.frombuffer(text, np.uint8)
-    record = _Record.from_address(frame)
+    record = FaultRecord.from_address(frame)
     ctypes.c_int64.from_address(frame).value = texts.ctypes.data
     record.instance, record.time = instance, time
 

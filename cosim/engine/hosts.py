@@ -20,7 +20,8 @@ import numpy as np
 
 from cosim.authoring.foreign import Part
 from cosim.engine import loop
-from cosim.engine.table import Call, Table
+from cosim.engine.program import Program
+from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError
 from cosim.machine.supervision import Commands, Crew, Ended, Patience, never
 from cosim.machine.worker import Abandoned, Worker
@@ -144,8 +145,8 @@ class Forked:
 class Watch:
     """Tells from shared memory what a run is doing, and whose fault its end is."""
 
-    def __init__(self, table: Table, control: np.ndarray, parts: Parts) -> None:
-        self._table = table
+    def __init__(self, program: Program, control: np.ndarray, parts: Parts) -> None:
+        self._program = program
         self._control = control
         self._parts = parts
         self._asked: Part | None = None  # the part that is opened, asked or closed; else the loop is at work
@@ -158,7 +159,7 @@ class Watch:
         calls = [part.trace.activity for part in _all(self._parts)]
         if self._asked is not None and all(call is None for call in calls):
             return None
-        component = self._table.network.components[self._call().component] if self._table.calls else None
+        component = self._program.network.components[self._call().component] if self._program.calls else None
         if self._asked is None and component and not (component.declaration.compiled or component.declaration.foreign):
             return None
         return int(self._control[loop.STEP]), int(self._control[loop.AT]), *calls
@@ -179,7 +180,7 @@ class Watch:
             self._asked = None
 
     def _error(self, end: Ended) -> CosimError:
-        time = int(self._control[loop.STEP]) * self._table.network.diagram.run.step
+        time = int(self._control[loop.STEP]) * self._program.network.diagram.run.step
         part = next((p for p in _all(self._parts) if p.process == end.name), self._asked)
         call = self._call()
         if part is None and call.component in self._parts:
@@ -192,7 +193,7 @@ class Watch:
             return part.trace.ended(end.how, end.hung, time)
         if end.hung:
             return self.silent(end.how)
-        component = self._table.network.components[call.component]
+        component = self._program.network.components[call.component]
         message = f"block {component.name}: {end.how} in {call.function.name}() at t = {time:g} s"
         inside = sorted({p for p, parts in self._parts.items() if not all(part.process for part in parts)})
         fix = f"to see whether {', '.join(inside)} did it, write `isolate: true` there" if inside else ""
@@ -200,19 +201,19 @@ class Watch:
 
     def silent(self, how: str) -> CosimError:
         """The error for a native function that does not return."""
-        time = int(self._control[loop.STEP]) * self._table.network.diagram.run.step
+        time = int(self._control[loop.STEP]) * self._program.network.diagram.run.step
         call = self._call()
-        place = self._table.network.components[call.component].entry.position
+        place = self._program.network.components[call.component].entry.position
         message = f"block {call.component}: {how} in {call.function.name}() at t = {time:g} s"
         fix = "look for a loop that never ends; `run.patience` (s) says how long a call may take"
         return BlockFailed(message, place, fix)
 
     def _call(self) -> Call:
         """The call that is being done, or was last."""
-        operations, at = self._table.operations, int(self._control[loop.AT])
-        at = at if 0 <= at < len(operations) else 0
-        is_call = operations[at, loop.KIND] == loop.CALL
-        return self._table.calls[int(operations[at, loop.A]) if is_call else 0]
+        rows, at = self._program.rows, int(self._control[loop.AT])
+        at = at if 0 <= at < len(rows) else 0
+        is_call = rows[at, loop.KIND] == loop.CALL
+        return self._program.calls[int(rows[at, loop.A]) if is_call else 0]
 
 
 def _all(parts: Parts) -> Iterator[Part]:

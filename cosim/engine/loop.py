@@ -1,4 +1,6 @@
-"""The master's loop: walks a table of operations over an arena, and knows no diagram.
+"""The master's loop: walks the rows of a program over an arena, and knows no diagram.
+
+What a step means says `cosim.engine.program`.
 
 One source, two engines: compiled by `cosim.compiling.compiler` it calls kernels by address; as plain Python it calls
 the authors' functions (see `cosim.machine.memory`). Nothing here allocates, takes a lock, or returns before the steps
@@ -12,32 +14,39 @@ from __future__ import annotations
 
 from typing import Any
 
+from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import call, integers_at, load, reals_at, words_at
+from cosim.machine.stages import move
 
 # Status of a call and of a run: FMI's, and one more.
 OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
 
-# An operation: kind, three operands, done every so many steps, at the step's begin (0) or end (1).
-OPERATION_WORDS = 6
-OPERATION_BYTES = 8 * OPERATION_WORDS
-KIND, A, B, C, EVERY, AT_END = range(OPERATION_WORDS)
+# The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
+PHASES = ("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE")
+CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
+PHASE_WORDS = 2
+
+# A row: kind, three operands, done every so many steps, at the step's begin (0) or end (1).
+ROW_WORDS = 6
+ROW_BYTES = 8 * ROW_WORDS
+KIND, A, B, C, EVERY, AT_END = range(ROW_WORDS)
 CALL, COPY, INTEGRATE = range(3)  # operands: function, frame | to, from, words | bank
 
 # A bank of states that are integrated together: its part of the state vector, whether stages are written in place,
-# method, inner steps, and the operations that give the derivatives: from published values (first), from the stage's.
-BANK_WORDS = 9
-BEGIN, END, IN_PLACE, METHOD, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END = range(9)
-EULER, RK4 = range(2)
+# inner steps, the rows that give the derivatives: from published values (first), from the stage's; and the integrator:
+# how many stages it has, and the offset of its tableau, see `cosim.integrators`.
+BANK_WORDS = 10
+BEGIN, END, IN_PLACE, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END, STAGES, TABLEAU = range(10)
 
-# A group of probes that are copied to a buffer every so many steps: [step, probed words…] a row, CAPACITY rows at most.
+# A group of probes that are copied to a buffer every so many steps: [time, probed words…] a row, CAPACITY rows at most.
 GROUP_WORDS = 7
-GROUP_EVERY, PROBES_BEGIN, PROBES_END, ROW_WORDS, FILLED, BUFFER, CAPACITY = range(7)
+GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = range(7)
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
 CONTROL_WORDS = 32
 (
-    OPERATIONS,
+    ROWS,
     BANKS,
     FUNCTIONS,
     GROUPS,
@@ -46,21 +55,22 @@ CONTROL_WORDS = 32
     STATES,  # size of the state vector
     X,  # the published states
     W,  # the states of the stage that is being evaluated
-    START,  # the states at the start of an inner step
-    SUM,  # the weighted sum of the stages' derivatives
+    BEGUN,  # the states at the begin of an inner step
+    SUM,  # a weighted sum of slopes
     D,  # derivatives
-    POINT_BEGIN,  # operations at a communication point
-    POINT_END,
-    BETWEEN_BEGIN,  # operations between two communication points
-    BETWEEN_END,
+    SLOPES,  # those of every stage so far, one vector after the other
+    PHASE,  # the address of the phases
+    FIRST_ROW,  # what `execute` does
+    END_ROW,
     STEP,  # the step that is being done; the caller sets the first
     LAST,  # the step before which to stop
     FINAL,  # whether to evaluate and probe at LAST too; 0 once that is done
-    AT,  # the operation that is being done
+    AT,  # the row that is being done
     ELEMENT,  # the offset of the value that is not finite
     WARNINGS,  # how many calls returned a warning
     ORIGIN_STEP,  # the step at which the time is ORIGIN
     ORIGIN,  # a float64 (s)
+    STEP_SIZE,  # the communication step, a float64 (s)
     ENDING,  # not 0 if no step is to be done after the next communication point, a foreign block may say; then ENDED
     PUBLISHED,  # float64 numbers that have to be finite at every communication point, besides the states
     N_PUBLISHED,
@@ -68,7 +78,6 @@ CONTROL_WORDS = 32
     N_PUBLISHED32,
     STOP,  # whether somebody wants the loop to return before its next step
     AGAIN,  # not 0 if a foreign block has had an event at this communication point, which may change what it publishes
-    AGAIN_BEGIN,  # the operations from here to POINT_END are then done once more
 ) = range(32)
 
 ENDED = 2
@@ -79,8 +88,8 @@ _LIMIT = (1023 + 332) << 52  # the exponent of LIMIT
 _EXPONENT32 = 0x7F800000
 
 
-def run(step: float, base: int, control: int) -> int:
-    """Do the steps STEP … LAST-1 of the control block; step: communication step (s). Returns the status.
+def run(_: float, base: int, control: int) -> int:
+    """Do the steps STEP … LAST-1 of the control block. Returns the status.
 
     It returns early, with OK and STEP < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
@@ -90,21 +99,21 @@ def run(step: float, base: int, control: int) -> int:
         k = c[STEP]
         if load(control + STOP * 8) != 0:
             return OK
-        time = time_at(c, control, k, step)
+        time = time_at(c, control, k)
         status = reach(c, base, k, time)
         if status > WARNING:
             return status
         if c[ENDING] != 0:
             c[ENDING] = ENDED
             return OK
-        status = advance(c, base, k, time, time_at(c, control, k + 1, step), step)
+        status = advance(c, base, k, time, time_at(c, control, k + 1), reals_at(control, CONTROL_WORDS)[STEP_SIZE])
         if status > WARNING:
             return status
         c[STEP] = k + 1
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
     if c[FINAL] != 0 and c[STEP] == c[LAST] < full_at(c):
-        status = reach(c, base, c[STEP], time_at(c, control, c[STEP], step))
+        status = reach(c, base, c[STEP], time_at(c, control, c[STEP]))
         if status > WARNING:
             return status
         c[FINAL] = 0
@@ -113,37 +122,45 @@ def run(step: float, base: int, control: int) -> int:
 
 def reach(c: Any, base: int, k: int, time: float) -> int:
     """Be at the communication point k: evaluate what is published there, and probe it. Returns the status."""
-    status = operate(c, base, c[POINT_BEGIN], c[POINT_END], k, time, time)
+    status = perform(c, base, PUBLISH, SETTLE, k, time)
     if status <= WARNING and c[AGAIN] != 0:
         c[AGAIN] = 0
-        status = operate(c, base, c[AGAIN_BEGIN], c[POINT_END], k, time, time)
+        status = perform(c, base, EVALUATE, SETTLE, k, time)
     if status > WARNING:
         return status
     if not is_sound(c, base):
         return NON_FINITE
-    probe(c, base, k)
+    probe(c, base, k, time)
     return OK
 
 
-def time_at(c: Any, control: int, k: int, step: float) -> float:
+def time_at(c: Any, control: int, k: int) -> float:
     """The time (s) of step k, from an integer count of steps."""
-    return reals_at(control, CONTROL_WORDS)[ORIGIN] + (k - c[ORIGIN_STEP]) * step
+    numbers = reals_at(control, CONTROL_WORDS)
+    return numbers[ORIGIN] + (k - c[ORIGIN_STEP]) * numbers[STEP_SIZE]
 
 
 def execute(time: float, base: int, control: int) -> int:
-    """Do the operations POINT_BEGIN … POINT_END-1 once, at a time (s); for the initialization. Returns the status."""
+    """Do the rows FIRST_ROW … END_ROW-1 once, as of STEP and a time (s). Returns the status."""
     c = words_at(control, CONTROL_WORDS)
-    status = operate(c, base, c[POINT_BEGIN], c[POINT_END], 0, time, time)
+    status = operate(c, base, c[FIRST_ROW], c[END_ROW], c[STEP], time, time)
     if status > WARNING or is_sound(c, base):
         return status
     return NON_FINITE
 
 
+def perform(c: Any, base: int, first: int, last: int, k: int, time: float) -> int:
+    """Do phases that follow each other, as of step k and a time (s). Returns the status."""
+    begin = words_at(c[PHASE] + first * PHASE_WORDS * 8, PHASE_WORDS)[0]
+    end = words_at(c[PHASE] + last * PHASE_WORDS * 8, PHASE_WORDS)[1]
+    return operate(c, base, begin, end, k, time, time)
+
+
 def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
     """Do calls and copies in order, as of step k and a time (s); later: the time of rows that are done at its end."""
-    operations, functions = c[OPERATIONS], c[FUNCTIONS]
+    rows, functions = c[ROWS], c[FUNCTIONS]
     for o in range(begin, end):
-        row = words_at(operations + o * OPERATION_BYTES, OPERATION_WORDS)
+        row = words_at(rows + o * ROW_BYTES, ROW_WORDS)
         every = row[EVERY]
         if every != 1 and k % every != 0:
             continue
@@ -161,9 +178,13 @@ def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later:
 
 
 def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -> int:
-    """Do what stands between the communication points k and k+1: integrations, components' steps, copies."""
-    for o in range(c[BETWEEN_BEGIN], c[BETWEEN_END]):
-        row = words_at(c[OPERATIONS] + o * OPERATION_BYTES, OPERATION_WORDS)
+    """Go from the communication point k to k+1: UPDATE, and ADVANCE with its integrations. Returns the status."""
+    status = perform(c, base, UPDATE, UPDATE, k, time)
+    if status > WARNING:
+        return status
+    phase = words_at(c[PHASE] + ADVANCE * PHASE_WORDS * 8, PHASE_WORDS)
+    for o in range(phase[0], phase[1]):
+        row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
         if row[KIND] == INTEGRATE:
             status = integrate(c, base, row[A], k, time, step)
         else:
@@ -174,7 +195,7 @@ def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -
 
 
 def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -> int:
-    """Integrate one bank over one communication step with its own method and number of inner steps."""
+    """Integrate one bank over one communication step with its own integrator and number of inner steps."""
     b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
     inner_steps = b[INNER_STEPS]
     x = part(c, base, b, X)
@@ -189,50 +210,43 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
             status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, time)
         if status > WARNING:
             return status
-        if b[METHOD] == RK4:
-            status = finish_rk4(c, base, b, x if s == 0 else w, w, d, k, time, h)
+        if b[STAGES] > 1:
+            status = finish(c, base, b, x if s == 0 else w, w, d, k, time, h)
             if status > WARNING:
                 return status
         elif s > 0 or b[IN_PLACE] != 0:
-            add(w, h, d)
+            for j in range(w.size):  # vectorised where the loop below would find that its arrays overlap
+                w[j] += h * d[j]
         else:
-            move(x, h, d, w)
+            for j in range(w.size):
+                w[j] = x[j] + h * d[j]
+    return OK
+
+
+def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
+    """End the inner step of several stages, of which the first one's derivatives are in `d` already."""
+    stages, stride = b[STAGES], c[STATES] * 8
+    begun, total = part(c, base, b, BEGUN), part(c, base, b, SUM)
+    slopes = base + c[SLOPES] + b[BEGIN] * 8
+    for j in range(w.size):
+        begun[j] = origin[j]
+    for stage in range(stages):
+        row = reals_at(base + b[TABLEAU] + stage * (HEAD + stages) * 8, HEAD + stages)
+        slope = reals_at(slopes + stage * stride, w.size)
+        for j in range(w.size):
+            slope[j] = d[j]
+        move(w, begun, h, row, slopes, stride, total)
+        if stage < stages - 1:
+            now = time + row[NODE] * h
+            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, now, now)
+            if status > WARNING:
+                return status
     return OK
 
 
 def part(c: Any, base: int, b: Any, vector: int) -> Any:
-    """A bank's part of one of the vectors X, W, START, SUM, D."""
+    """A bank's part of one of the vectors X, W, BEGUN, SUM, D."""
     return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
-
-
-def move(origin: Any, h: float, d: Any, w: Any) -> None:
-    """w = origin + h d, element by element."""
-    for j in range(w.size):
-        w[j] = origin[j] + h * d[j]
-
-
-def add(w: Any, h: float, d: Any) -> None:
-    """w += h d; vectorised where `move` would find that its arrays overlap."""
-    for j in range(w.size):
-        w[j] += h * d[j]
-
-
-def finish_rk4(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
-    """The classical Runge-Kutta step whose first stage's derivatives are already in `d`."""
-    start, total = part(c, base, b, START), part(c, base, b, SUM)
-    for j in range(w.size):
-        start[j] = origin[j]
-        total[j] = d[j]
-    move(start, 0.5 * h, d, w)
-    for stage in range(1, 4):
-        offset = h if stage == 3 else 0.5 * h
-        status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time + offset, time + offset)
-        if status > WARNING:
-            return status
-        add(total, 1.0 if stage == 3 else 2.0, d)
-        move(start, h if stage == 2 else 0.5 * h, d, w)
-    move(start, h / 6.0, total, w)
-    return OK
 
 
 def full_at(c: Any) -> int:
@@ -247,15 +261,15 @@ def full_at(c: Any) -> int:
     return full
 
 
-def probe(c: Any, base: int, k: int) -> None:
+def probe(c: Any, base: int, k: int, time: float) -> None:
     """Copy the probed signals of every group that is due at step k to its buffer; `full_at` says that it has room."""
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every = group[GROUP_EVERY]
         if every != 1 and k % every != 0:
             continue
-        row = group[BUFFER] + group[FILLED] * group[ROW_WORDS] * 8
-        words_at(row, 1)[0] = k
+        row = group[BUFFER] + group[FILLED] * group[SAMPLE_WORDS] * 8
+        reals_at(row, 1)[0] = time
         row += 8
         for p in range(group[PROBES_BEGIN], group[PROBES_END]):
             probed = words_at(c[PROBES] + p * PROBE_WORDS * 8, PROBE_WORDS)

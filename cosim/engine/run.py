@@ -1,26 +1,24 @@
-"""From a diagram to its outcome: builds the table, runs it, reduces metrics, and records, come what may."""
+"""From a diagram to its outcome: builds the program, runs it, reduces metrics, and records, come what may."""
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from cosim.authoring.variables import Local, Output
-from cosim.engine import simulation, table
-from cosim.engine.courses import Courses
-from cosim.engine.simulation import Kernels, Probes, Samples, Simulation
-from cosim.engine.table import Table
+from cosim.engine import compilation, program
+from cosim.engine.compilation import Kernels
+from cosim.engine.outcome import Outcome
+from cosim.engine.probes import Probes, Samples
+from cosim.engine.program import Program
+from cosim.engine.reductions import Reductions
+from cosim.engine.simulation import Simulation
 from cosim.errors import (
     CosimError,
     Diverged,
-    MetricError,
     Problems,
     ResultError,
     Terminated,
@@ -29,75 +27,13 @@ from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
-from cosim.results import metrics as reductions
-from cosim.results import result_file
-from cosim.results.metrics import Events, Final, Reduction
-from cosim.wiring import conditions, resolution, windows
+from cosim.results.recorded import Recorded
+from cosim.results.result_writer import ResultWriter
+from cosim.wiring import conditions, resolution
 from cosim.wiring.network import Finding, Network, Signal
 
 FLUSH_SECONDS = 1.0
 ENGINES = ("native", "python")
-
-
-@dataclass
-class Event:
-    """A boolean output that says something happened: what, and when each member saw it first."""
-
-    signal: Signal
-    text: str
-    times: Any
-
-
-@dataclass
-class Outcome:
-    """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
-
-    seconds: wall-clock time of each part. signal: the number of the signal that interrupted it, or 0.
-    """
-
-    diagram: str
-    status: str
-    steps: int
-    method: str
-    engine: str
-    kernels_compiled: int
-    seconds: dict[str, float]
-    metrics: dict[str, Any]
-    results: str | None
-    error: CosimError | None = None
-    signal: int = 0
-    termination: CosimError | None = None  # who asked for the end, which is one of the warnings too
-    events: list[Event] = field(default_factory=list)
-    warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
-    conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
-    units: dict[str, str] = field(default_factory=dict)
-    windows: dict[str, str] = field(default_factory=dict)
-    swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
-
-    @property
-    def reason(self) -> str:
-        """Why the run ended before its time, or nothing."""
-        ended = self.error or self.termination
-        return ended.message if ended else ""
-
-    @property
-    def verdicts(self) -> list[dict[str, Any]]:
-        """The conditions as JSON has them."""
-        return [asdict(finding) for finding in self.conditions]
-
-    def as_json(self) -> str:
-        """One JSON object, as of `for_json`."""
-        names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
-        content = {name: getattr(self, name) for name in names}
-        if self.error:
-            content["error"] = str(self.error)
-        if self.warnings:
-            content["warnings"] = [str(warning) for warning in self.warnings]
-        if self.conditions:
-            content["conditions"] = self.verdicts
-        if self.swaps:
-            content["swaps"] = self.swaps
-        return json.dumps(reductions.for_json(content), ensure_ascii=False)
 
 
 def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = (), code: bool = True) -> Network:
@@ -110,10 +46,10 @@ def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = 
 
 
 class Run:
-    """One run of a wired diagram.
+    """One run of a wired diagram; it starts, and compiles what it needs, when it is executed.
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
-    prepared: a table of this network with its kernels, where there is one already.
+    prepared: a program of this network with its kernels, where there is one already.
     attributes: what else the result's file says of itself.
     """
 
@@ -123,7 +59,7 @@ class Run:
         engine: str = "native",
         output: Path | None = None,
         began: float | None = None,
-        prepared: tuple[Table, Kernels] | None = None,
+        prepared: tuple[Program, Kernels] | None = None,
         attributes: Mapping[str, str] | None = None,
     ) -> None:
         started = clock.perf_counter() if began is None else began
@@ -132,50 +68,40 @@ class Run:
         self.output = output
         self.attributes = dict(attributes or {})
         settings = network.diagram.run
-        self.metrics, self._warnings = windows.reduced(network)
-        self._events = _events(network)
-        self._courses = _courses(network)
-        built, kernels = prepared or (table.build(network, settings.method), None)
-        compiling = clock.perf_counter()
-        if engine == "native" and kernels is None:
-            kernels = simulation.compile_table(built)
-        elif engine == "python":
-            simulation.compile_table(built)  # for what it refuses, so that both engines do the same things
-        compiled = clock.perf_counter() - compiling
-        self.kernels_compiled = kernels.compiled if kernels else 0
-        self.simulation = Simulation(built, kernels, self._probes())
-        self.seconds = {"setup": clock.perf_counter() - started - compiled, "compile": compiled, "solve": 0.0}
+        self.reductions = Reductions(network)
+        self._program = prepared[0] if prepared else program.build(network, settings.method)
+        self._kernels = prepared[1] if prepared else None
+        self.kernels_compiled = self._kernels.compiled if self._kernels else 0
+        self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """The run's simulation, compiled when it is first asked for. Raises: DiagramErrors."""
+        began = clock.perf_counter()
+        kernels = self._kernels
+        if kernels is None:
+            kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
+            self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
+        compiled = clock.perf_counter()
+        made = Simulation(self._program, kernels if self.engine == "native" else None, self._probes())
+        self.seconds["compile"] = compiled - began
+        self.seconds["setup"] += clock.perf_counter() - compiled
+        return made
 
     def _probes(self) -> list[Probes]:
         """What is reduced is seen at every step, what is recorded at the recording's period."""
-        stepwise = [s for s, r in (*self.metrics.values(), *self._events.values()) if not self._at_end(r)]
-        stepwise += self._courses
         record = self.network.diagram.record
-        recorded = [self.network.find(str(n.value), n.position) for n in record.signals] if record else []
-        every = round(record.period / self.simulation_step) if record else 1
-        return [Probes(tuple(dict.fromkeys(stepwise))), Probes(tuple(dict.fromkeys(recorded)), every)]
-
-    def _at_end(self, reduction: Reduction) -> bool:
-        """Whether a reduction looks at the signal's last value alone."""
-        last = isinstance(reduction, Final) and reduction.reaches(self.network.diagram.run.stop)
-        return last or isinstance(reduction, Events)
-
-    @property
-    def reductions(self) -> dict[str, str]:
-        """What each metric is, in words: two of one name that differ here are not to be compared."""
-        return {name: f"{reduction} of {signal}" for name, (signal, reduction) in self.metrics.items()}
-
-    @property
-    def simulation_step(self) -> float:
-        """The communication step (s)."""
-        return self.network.diagram.run.step
+        every = round(record.period / self.network.diagram.run.step) if record else 1
+        return [Probes(self.reductions.signals), Probes(self.network.recorded, every)]
 
     def execute(self, watch: Callable[[float], None] = lambda time: None) -> Outcome:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
 
         A signal ends the run after the batch that is under way; until the result is closed, further ones lose nothing.
-        Raises: ResultError if the result cannot be begun; everything else is in the outcome.
+        Raises: DiagramErrors of what cannot be compiled, ResultError if the result cannot be begun; everything else is
+        in the outcome.
         """
+        self.simulation  # noqa: B018  compiled before a result is begun
         with interruption.deferred() as interrupted:
             return self._execute(watch, interrupted)
 
@@ -194,7 +120,7 @@ class Run:
             status, error = "failed", stopped
         except KeyboardInterrupt:
             status = "interrupted"
-        figures, wrong = self._figures()
+        figures, wrong = self.reductions.values(self.simulation)
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
@@ -205,9 +131,7 @@ class Run:
             _close(writer, outcome)
         return outcome
 
-    def _solve(
-        self, writer: result_file.ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption
-    ) -> None:
+    def _solve(self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption) -> None:
         began = flushed = clock.perf_counter()
         writing = 0.0
 
@@ -220,7 +144,7 @@ class Run:
             interrupted.raise_if_wanted()
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
-                self._reduce(stepwise)
+                self.reductions.update(stepwise)
                 if writer:
                     self._append(writer, recorded)
                     if resumed - flushed > FLUSH_SECONDS:
@@ -237,31 +161,11 @@ class Run:
         finally:
             self.seconds["solve"] = clock.perf_counter() - began - writing
 
-    def _reduce(self, samples: Samples) -> None:
-        times = samples.steps * self.simulation_step
-        for signal, reduction in (*self.metrics.values(), *self._events.values()):
-            if not self._at_end(reduction):
-                reduction.update(times, samples.values[signal])
-        for signal, courses in self._courses.items():
-            courses.update(times, samples.values[signal])
-
-    def _figures(self) -> tuple[dict[str, Any], CosimError | None]:
-        """The metrics' values, and why one of them has none where that is a mistake."""
-        now, values, wrong = np.array([self.simulation.time]), dict.fromkeys(self.metrics), None
-        for name, (signal, reduction) in self.metrics.items():
-            if self._at_end(reduction):
-                reduction.update(now, self.simulation.value(signal)[None])
-            try:
-                values[name] = reduction.value()
-            except MetricError as error:
-                wrong = wrong or windows.named(self.network.diagram.metrics[name], error)
-        return values, wrong
-
-    def _append(self, writer: result_file.ResultWriter, samples: Samples) -> None:
+    def _append(self, writer: ResultWriter, samples: Samples) -> None:
         values = {str(signal): array for signal, array in samples.values.items()}
-        writer.append(samples.steps * self.simulation_step, values)
+        writer.append(samples.times, values)
 
-    def _writer(self) -> result_file.ResultWriter:
+    def _writer(self) -> ResultWriter:
         assert self.output is not None
         diagram = self.network.diagram
         settings = {k: getattr(diagram.run, k) for k in ("stop", "step", "method", "integrator", "inner_steps")}
@@ -271,19 +175,11 @@ class Run:
             "settings": settings,
             "method": diagram.run.method,
             "engine": self.engine,
-            "reductions": self.reductions,
+            "reductions": self.reductions.meanings,
             **self.attributes,
         }
         recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]
-        return result_file.ResultWriter(self.output, recorded, attributes)
-
-    def _conditions(self) -> list[Finding]:
-        """The conditions along the run so far; none if it has seen nothing."""
-        if not all(courses.seen for courses in self._courses.values()):
-            return []
-        return conditions.judge_run(
-            self.network, {signal: courses.of_members() for signal, courses in self._courses.items()}
-        )
+        return ResultWriter(self.output, recorded, attributes)
 
     def _judged(self) -> tuple[list[Finding], list[CosimError], int]:
         """The conditions along the run, warnings of others, and the number of a signal that ended a rule, or 0.
@@ -292,7 +188,7 @@ class Run:
         """
         try:
             with interruption.heard():
-                return self._conditions(), _warnings(self.network), 0
+                return self.reductions.conditions(), _warnings(self.network), 0
         except Interrupted as stopped:
             where = " ".join(("no condition was judged: interrupted", *getattr(stopped, "__notes__", [])))
             return [], [CosimError(where)], stopped.number
@@ -301,11 +197,6 @@ class Run:
         diagram = self.network.diagram
         judged, warnings, signal = self._judged()
         failed = [conditions.as_warning(self.network, finding) for finding in judged if finding.holds is False]
-        events = [
-            Event(signal, _event_text(self.network, signal), times)
-            for signal, reduction in self._events.values()
-            if (times := reduction.value())
-        ]
         return Outcome(
             diagram=str(diagram.path),
             status="interrupted" if signal else status,
@@ -317,23 +208,17 @@ class Run:
             metrics=figures,
             results=str(self.output) if self.output else None,
             error=error,
-            events=events,
+            events=self.reductions.events(),
             signal=signal,
-            warnings=[*self._warnings, *warnings, *failed],
+            warnings=[*self.reductions.warnings, *warnings, *failed],
             conditions=judged,
-            units={name: _unit(self.network, *pair) for name, pair in self.metrics.items()},
-            windows={name: str(reduction) for name, (_, reduction) in self.metrics.items()},
+            units=self.reductions.units,
+            windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
         )
 
 
-def _courses(network: Network) -> dict[Signal, Courses]:
-    """What the conditions that are judged after the run have to know of it."""
-    signals = {signal for _, _, signals in conditions.along(network) for signal in signals}
-    return {signal: Courses(network.components[signal.component].count) for signal in signals}
-
-
-def _close(writer: result_file.ResultWriter, outcome: Outcome) -> None:
+def _close(writer: ResultWriter, outcome: Outcome) -> None:
     """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
     try:
         writer.close(outcome.status, outcome.reason, outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts)
@@ -351,30 +236,10 @@ def _warnings(network: Network) -> list[CosimError]:
     return [conditions.as_warning(network, finding) for finding in broken]
 
 
-def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:
-    """The boolean outputs that report something, with the times at which they first do."""
-    found = {}
-    for signal in network.signals():
-        if _event_text(network, signal):
-            first = reductions.reduction("first", dtype=bool, shape=network.shape(signal))
-            found[signal] = signal, first
-    return found
-
-
-def _event_text(network: Network, signal: Signal) -> str:
-    variable = network.variable(signal)
-    return variable.event if isinstance(variable, (Output, Local)) else ""
-
-
-def _unit(network: Network, signal: Signal, reduction: Reduction) -> str:
-    unit = reduction.unit or network.variable(signal).unit
-    return unit if isinstance(unit, str) else ""
-
-
-def _described(network: Network, signal: Signal) -> result_file.Signal:
+def _described(network: Network, signal: Signal) -> Recorded:
     component, variable = network.components[signal.component], network.variable(signal)
     axes = component.signal_axes(variable) or ()
-    return result_file.Signal(
+    return Recorded(
         name=str(signal),
         shape=network.shape(signal),
         dtype=variable.dtype,

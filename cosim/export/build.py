@@ -18,12 +18,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from cosim.compiling.adapters import Source, block_source, raw_source
-from cosim.compiling.fingerprint import obstacle
+from cosim.compiling.adapters import KernelSource, block_source, raw_source
+from cosim.compiling.fingerprint.text import obstacle
 from cosim.engine import loop
 from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
 from cosim.export import c_source
 from cosim.export.model import Model
+from cosim.export.model_description import ModelDescription
+from cosim.fmu.fmi import Version
 from cosim.machine import cache
 from cosim.wiring.network import Component
 
@@ -33,24 +35,18 @@ _FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-Wall"
 
 @dataclass(frozen=True)
 class Platform:
-    """A platform, with the names that LLVM, zig and both versions of FMI have for it; cpu: the least that it has."""
+    """A platform, with the names that LLVM and zig have for it; cpu: the least that it has."""
 
     name: str
     system: Literal["linux", "windows", "darwin"]
     triple: str
     zig: str
     cpu: str
-    fmi2: str
     suffix: str
 
-    @property
-    def fmi3(self) -> str:
-        """FMI 3's tuple of architecture and system."""
-        return "-".join(reversed(self.name.split("-")))
-
-    def folder(self, version: str) -> str:
-        """Where the library lies in the archive. FMI 2 has no names for ARM: there FMI 3's are usual."""
-        return self.fmi2 or self.fmi3 if version == "2.0" else self.fmi3
+    def folder(self, version: Version) -> str:
+        """Where the library lies in the archive, below `binaries`."""
+        return version.folder(self.system, self.name.partition("-")[2])
 
 
 _X86, _ARM, _APPLE = "x86_64", "aarch64", "apple-macosx11.0.0"
@@ -58,13 +54,11 @@ _GNU = "linux-gnu"
 PLATFORMS = {
     p.name: p
     for p in (
-        Platform("linux-x86_64", "linux", f"{_X86}-unknown-{_GNU}", f"{_X86}-{_GNU}.2.17", "x86-64", "linux64", ".so"),
-        Platform("linux-aarch64", "linux", f"{_ARM}-unknown-{_GNU}", f"{_ARM}-{_GNU}.2.17", "generic", "", ".so"),
-        Platform(
-            "windows-x86_64", "windows", f"{_X86}-w64-windows-gnu", f"{_X86}-windows-gnu", "x86-64", "win64", ".dll"
-        ),
-        Platform("darwin-x86_64", "darwin", f"{_X86}-{_APPLE}", f"{_X86}-macos.11.0", "x86-64", "darwin64", ".dylib"),
-        Platform("darwin-aarch64", "darwin", f"arm64-{_APPLE}", f"{_ARM}-macos.11.0", "apple-m1", "", ".dylib"),
+        Platform("linux-x86_64", "linux", f"{_X86}-unknown-{_GNU}", f"{_X86}-{_GNU}.2.17", "x86-64", ".so"),
+        Platform("linux-aarch64", "linux", f"{_ARM}-unknown-{_GNU}", f"{_ARM}-{_GNU}.2.17", "generic", ".so"),
+        Platform("windows-x86_64", "windows", f"{_X86}-w64-windows-gnu", f"{_X86}-windows-gnu", "x86-64", ".dll"),
+        Platform("darwin-x86_64", "darwin", f"{_X86}-{_APPLE}", f"{_X86}-macos.11.0", "x86-64", ".dylib"),
+        Platform("darwin-aarch64", "darwin", f"arm64-{_APPLE}", f"{_ARM}-macos.11.0", "apple-m1", ".dylib"),
     )
 }
 
@@ -90,30 +84,30 @@ def find(names: Sequence[str] | None) -> list[Platform]:
 
 
 @dataclass(frozen=True)
-class Unit:
+class CodeUnit:
     """One block type's kernels, or the loop, as it goes into one object file."""
 
     name: str
-    sources: tuple[Source, ...]
+    sources: tuple[KernelSource, ...]
 
 
-def units(model: Model) -> tuple[list[Unit], list[str]]:
+def code_units(model: Model) -> tuple[list[CodeUnit], list[str]]:
     """The loop and the block types of a model, and the symbol of each call's function."""
     functions = tuple(replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (loop.run, loop.execute))
-    found: dict[tuple[object, ...], Unit] = {}
+    found: dict[tuple[object, ...], CodeUnit] = {}
     owner: dict[str, str] = {}
     for name, component in model.network.components.items():
         key = (id(component.declaration), *component.constants().items())
         if key not in found:
             found[key] = _unit(component, f"block{len(found)}")
         owner[name] = found[key].name
-    symbols = [f"{owner[call.component]}_{call.function.name}" for call in model.table.calls]
-    return [Unit("engine", functions), *found.values()], symbols
+    symbols = [f"{owner[call.component]}_{call.function.name}" for call in model.program.calls]
+    return [CodeUnit("engine", functions), *found.values()], symbols
 
 
-def _unit(component: Component, name: str) -> Unit:
+def _unit(component: Component, name: str) -> CodeUnit:
     sources = [block_source(component.declaration, f, component.constants()) for f in component.declaration.functions]
-    return Unit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources))
+    return CodeUnit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources))
 
 
 class Objects:
@@ -122,7 +116,7 @@ class Objects:
     def __init__(self) -> None:
         self._ir: dict[str, str] = {}
 
-    def of(self, unit: Unit, platform: Platform) -> bytes:
+    def of(self, unit: CodeUnit, platform: Platform) -> bytes:
         """The object code of a unit. Raises: KernelError."""
         entry = f"fmu-{platform.name}-{self._key(unit, platform)}"
         code = cache.read(entry)
@@ -141,7 +135,7 @@ class Objects:
             cache.write(entry, code)
         return code
 
-    def _key(self, unit: Unit, platform: Platform) -> str:
+    def _key(self, unit: CodeUnit, platform: Platform) -> str:
         parts = [Path(__file__).read_text(), *cache.toolchain(), platform.triple, platform.cpu]
         parts += [source.symbol + source.fingerprint for source in unit.sources]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
@@ -150,20 +144,27 @@ class Objects:
 # ---- linking ----------------------------------------------------------------------------------------------------
 
 
-def library(model: Model, version: str, token: str, platform: Platform, objects: Objects, folder: Path) -> Path:
+def library(description: ModelDescription, token: str, platform: Platform, objects: Objects, folder: Path) -> Path:
     """The shared library of a model in a work folder. Raises: KernelError, CompilerMissing, BuildFailed."""
     folder.mkdir(parents=True)
-    parts, symbols = units(model)
+    parts, symbols = code_units(description.model)
     (folder / "layout.h").write_text(c_source.layout())
-    (folder / "model.c").write_text(c_source.model(model, version, token, symbols))
-    files = [str(folder / "model.c")]
-    files += [str(WRAPPER / name) for name in ("instance.c", "evaluation.c", "snapshot.c", f"fmi{version[0]}.c")]
+    (folder / "model.c").write_text(c_source.model(description, token, symbols))
+    wrapper = ("instance.c", "evaluation.c", "snapshot.c", f"{description.version.prefix}.c")
+    files = [str(folder / "model.c"), *(str(WRAPPER / name) for name in wrapper)]
     for unit in parts:
         path = folder / f"{unit.name}.o"
         path.write_bytes(objects.of(unit, platform))
         files.append(str(path))
-    path = folder / f"{model.identifier}{platform.suffix}"
-    command = [*compiler(platform), *_FLAGS, *_link_flags(platform), f"-I{folder}", f"-I{WRAPPER}", f"-I{headers()}"]
+    path = folder / f"{description.model.identifier}{platform.suffix}"
+    command = [
+        *compiler(platform),
+        *_FLAGS,
+        *_link_flags(platform, path),
+        f"-I{folder}",
+        f"-I{WRAPPER}",
+        f"-I{headers()}",
+    ]
     _run([*command, "-o", str(path), *files, *(["-lm"] if platform.system == "linux" else [])], platform)
     return path
 
@@ -197,11 +198,14 @@ def _host_name() -> str:
         return ""
 
 
-def _link_flags(platform: Platform) -> list[str]:
+def _link_flags(platform: Platform, path: Path) -> list[str]:
     """Nothing undefined, nothing of others bound, nothing exported but FMI's functions."""
     if platform.system == "linux":
         return ["-shared", "-fPIC", "-s", "-Wl,-Bsymbolic", "-Wl,-z,defs"]
-    return ["-shared", "-s"] if platform.system == "windows" else ["-shared", "-fPIC"]
+    if platform.system == "windows":
+        return ["-shared", "-s"]
+    # A library's name for itself is by default the path at which it is written, on the machine of who exports it.
+    return ["-shared", "-fPIC", f"-Wl,-install_name,@rpath/{path.name}"]
 
 
 def _run(command: list[str], platform: Platform) -> None:

@@ -7,39 +7,42 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from cosim.engine import loop
-from cosim.export import model_description
-from cosim.export.model import Model, Operations, operations
+from cosim.export.model import PHASES, Model, rows
+from cosim.export.model_description import ModelDescription
 
 
 def layout() -> str:
     """The constants of `cosim.engine.loop` as a header, so that the two cannot drift apart."""
-    names = [name for name, value in vars(loop).items() if name.isupper() and isinstance(value, int)]
-    lines = [f"    ENGINE_{name.lstrip('_')} = {vars(loop)[name]}," for name in names if not name.startswith("_")]
+    names = {name: value for name, value in vars(loop).items() if name.isupper() and isinstance(value, int)}
+    names |= {name: number for number, name in enumerate(PHASES)}
+    lines = [f"    ENGINE_{name} = {value}," for name, value in names.items() if not name.startswith("_")]
     return "\n".join(["#ifndef COSIM_LAYOUT_H", "#define COSIM_LAYOUT_H", "enum {", *lines, "};", "#endif", ""])
 
 
-def model(exported: Model, version: str, token: str, kernels: Sequence[str]) -> str:
+def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> str:
     """The constant `model`. kernels: the symbol of each call's function."""
-    done = operations(exported)
-    image, started = _image(exported, done)
+    exported = description.model
+    done = rows(exported)
+    image, started = _image(exported)
     return "\n".join(
         [
             '#include "model.h"',
             "",
             *(f"int32_t {name}(double, uint8_t *, int64_t *);" for name in dict.fromkeys(kernels)),
             "",
-            _array("static const int64_t operations", map(str, done.rows.reshape(-1))),
-            _array("static const int64_t banks", map(str, exported.table.banks.reshape(-1))),
+            _array("static const int64_t rows", map(str, done.rows.reshape(-1))),
+            _array("static const Range phases", (f"{{{begin}, {end}}}" for begin, end in done.phases)),
+            _array("static const int64_t banks", map(str, exported.program.banks.reshape(-1))),
             _array("static const Kernel functions", kernels),
-            _array("static const char *const labels", (_quote(c.function.name) for c in exported.table.calls)),
-            _array("static const char *const blocks", (_quote(c.component) for c in exported.table.calls)),
+            _array("static const char *const labels", (_quote(c.function.name) for c in exported.program.calls)),
+            _array("static const char *const blocks", (_quote(c.component) for c in exported.program.calls)),
             _array("static const Started started", started),
             _array("static const int64_t periods", map(str, exported.periods)),
             *_segments(image),
-            _array("static const Variable variables", _variables(exported, version)),
-            _array("static const Scalar scalars", _scalars(exported) if version == "2.0" else []),
+            _array("static const Variable variables", _variables(description)),
+            _array("static const Scalar scalars", _scalars(description)),
             "",
-            *_constant(exported, done, token, len(image), len(started)),
+            *_constant(exported, token, len(image), len(started)),
         ]
     )
 
@@ -56,17 +59,17 @@ def _quote(text: str) -> str:
     return f'"{safe}"'
 
 
-def _image(exported: Model, done: Operations) -> tuple[np.ndarray, list[str]]:
+def _image(exported: Model) -> tuple[np.ndarray, list[str]]:
     """The arena at first, with shadows behind it, and the rows `Started` that point to them."""
-    parts, rows, end = [exported.table.arena], [], exported.table.arena.size
-    for operation, signal in done.started:
+    parts, rows, end = [exported.program.arena], [], exported.program.arena.size
+    for row, signal in exported.program.started:
         variable = exported.of(signal)
         size = variable.size * variable.dtype.itemsize
-        place = exported.table.arena[variable.offset : variable.offset + size]
+        place = exported.program.arena[variable.offset : variable.offset + size]
         given = np.full(size, int(exported.started[signal]), np.uint8)
         padding = np.zeros(-2 * size % 8, np.uint8)
         parts += [place, given, padding]
-        rows.append(f"{{{operation}, {variable.offset}, {size}, {end}}}")
+        rows.append(f"{{{row}, {variable.offset}, {size}, {end}}}")
         end += 2 * size + padding.size
     return np.concatenate(parts), rows
 
@@ -86,29 +89,30 @@ def _segments(image: np.ndarray) -> Iterator[str]:
     yield _array("static const uint64_t words", content)
 
 
-def _variables(exported: Model, version: str) -> Iterator[str]:
-    for v in exported.variables:
-        phases = model_description.settable(v, version)
+def _variables(description: ModelDescription) -> Iterator[str]:
+    for v in description.model.variables:
+        phases = description.settable(v)
         yield f"{{{_quote(v.name)}, {v.offset}, {v.size}, {v.type.upper()}, {v.need}, {phases}, {v.kind}}}"
 
 
-def _scalars(exported: Model) -> Iterator[str]:
-    return (f"{{{scalar.variable}, {scalar.element}}}" for scalar in model_description.scalars(exported))
+def _scalars(description: ModelDescription) -> Iterator[str]:
+    return (f"{{{scalar.variable}, {scalar.element}}}" for scalar in description.scalars)
 
 
-def _constant(exported: Model, done: Operations, token: str, size: int, started: int) -> Iterator[str]:
-    built = exported.table
+def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[str]:
+    built = exported.program
     yield "const Model model = {"
     yield f"    .token = {_quote(token)},"
     yield f"    .step = {exported.network.diagram.run.step!r},"
     yield f"    .arena_bytes = {-(-size // 8) * 8},"
     yield "    .segments = segments, .n_segments = sizeof segments / sizeof *segments, .words = words,"
-    yield "    .operations = operations, .banks = banks, .functions = functions, .labels = labels, .blocks = blocks,"
-    yield f"    .n_states = {built.states},"
-    yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.vectors.items())
-    for name, (offset, count) in (("published", built.published), ("published32", built.published32)):
+    yield "    .rows = rows, .phases = phases, .banks = banks,"
+    yield "    .functions = functions, .labels = labels, .blocks = blocks,"
+    yield f"    .n_states = {built.layout.states},"
+    yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.layout.vectors.items())
+    for name, kind in (("published", "float64"), ("published32", "float32")):
+        offset, count = built.layout.published[kind]
         yield f"    .{name} = {offset}, .n_{name} = {count},"
-    yield "    " + " ".join(f".{name} = {{{begin}, {end}}}," for name, (begin, end) in done.ranges.items())
     yield f"    .started = started, .n_started = {started}, .periods = periods, .n_periods = {len(exported.periods)},"
     yield f"    .variables = variables, .n_variables = {len(exported.variables)},"
     yield f"    .scalars = scalars, .n_scalars = {sum(v.size for v in exported.variables)},"

@@ -12,12 +12,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.errors import NotExportable, ResultError, nearest
-from cosim.export import build, model_description, subnetwork
-from cosim.export.model import Model, describe
+from cosim.export import build, subnetwork
+from cosim.export.fmi2_description import Fmi2Description
+from cosim.export.fmi3_description import Fmi3Description
+from cosim.export.model import describe
+from cosim.export.model_description import TOOL, ModelDescription
 from cosim.machine import files
 from cosim.wiring.network import Network
 
-VERSIONS = ("2.0", "3.0")
+#: How a model is described, by the version of FMI.
+DESCRIPTIONS: dict[str, type[ModelDescription]] = {d.version.name: d for d in (Fmi2Description, Fmi3Description)}
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # in the archive, so that the same blocks give the same file
 DESCRIPTION_HEAD = 64 * 1024  # bytes of a description, in which it says what tool made it
 
@@ -38,19 +42,20 @@ def export_fmu(
     Raises: UnknownBlock, NotExportable, WrongValue, KernelError, CompilerMissing, BuildFailed,
     ResultError where something stands at `output` that this function did not write.
     """
-    if fmi_version not in VERSIONS:
-        raise NotExportable(f"FMI {fmi_version} cannot be written", fix=nearest(fmi_version, VERSIONS))
+    if fmi_version not in DESCRIPTIONS:
+        raise NotExportable(f"FMI {fmi_version} cannot be written", fix=nearest(fmi_version, DESCRIPTIONS))
     targets = build.find(platforms)
     output = Path(output)
     refuse_foreign(output)
     model = describe(subnetwork.cut(network, blocks, member), _identifier(output.stem))
-    token = _token(model, fmi_version)
+    description = DESCRIPTIONS[fmi_version](model)
+    token = _token(description)
     objects = build.Objects()
     with tempfile.TemporaryDirectory(prefix="cosim-fmu-") as work:
-        members = {"modelDescription.xml": model_description.write(model, fmi_version, token)}
+        members = {"modelDescription.xml": description.write(token)}
         for platform in targets:
-            library = build.library(model, fmi_version, token, platform, objects, Path(work) / platform.name)
-            members[f"binaries/{platform.folder(fmi_version)}/{library.name}"] = library.read_bytes()
+            library = build.library(description, token, platform, objects, Path(work) / platform.name)
+            members[f"binaries/{platform.folder(description.version)}/{library.name}"] = library.read_bytes()
     _pack(output, members)
     return output
 
@@ -63,7 +68,7 @@ def refuse_foreign(output: Path) -> None:
 def _is_ours(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
-            return f'generationTool="{model_description.TOOL}"'.encode() in file.read(DESCRIPTION_HEAD)
+            return f'generationTool="{TOOL}"'.encode() in file.read(DESCRIPTION_HEAD)
     except (zipfile.BadZipFile, KeyError, EOFError, zlib.error):
         return False
 
@@ -74,11 +79,11 @@ def _identifier(name: str) -> str:
     return f"_{name}" if not name or name[0].isdigit() else name
 
 
-def _token(model: Model, version: str) -> str:
+def _token(description: ModelDescription) -> str:
     """The same for the same content: of the description, and of the code that computes it."""
-    parts, _ = build.units(model)
+    parts, _ = build.code_units(description.model)
     code = "".join(source.symbol + source.fingerprint for unit in parts for source in unit.sources)
-    digest = hashlib.sha256(model_description.write(model, version, "") + code.encode()).digest()
+    digest = hashlib.sha256(description.write("") + code.encode()).digest()
     return f"{{{uuid.UUID(bytes=digest[:16])}}}"
 
 

@@ -1,4 +1,4 @@
-"""What is exported: the variables of a sub-network in FMI's terms, over the table that computes them."""
+"""What is exported: the variables of a sub-network in FMI's terms, over the program that computes them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit
-from cosim.authoring.variables import Variable as Declared
-from cosim.engine import loop, table
+from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit, Variable
+from cosim.engine import loop, program
+from cosim.engine.layout import Place
+from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
-from cosim.engine.table import Place, Table
 from cosim.errors import CosimError
 from cosim.export.subnetwork import SubNetwork
 from cosim.wiring import order
@@ -33,7 +33,7 @@ _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True, eq=False)
-class Variable:
+class FmiVariable:
     """One FMI variable, an array where `shape` is not (); mapped: its first axis counts the members of a fleet.
 
     start: None where it is computed. offset: of its first element in the arena. need: what has to be computed before
@@ -80,14 +80,14 @@ class Model:
     name: str
     identifier: str
     description: str
-    table: Table
+    program: Program
     started: dict[Signal, bool]
-    variables: list[Variable] = field(default_factory=list)
+    variables: list[FmiVariable] = field(default_factory=list)
 
     @property
     def network(self) -> Network:
         """The sub-network."""
-        return self.table.network
+        return self.program.network
 
     @property
     def periods(self) -> list[int]:
@@ -95,19 +95,19 @@ class Model:
         return sorted({s.every for s in self.network.components.values() if s.declaration.kind("update")})
 
     @property
-    def derivatives(self) -> list[Variable]:
+    def derivatives(self) -> list[FmiVariable]:
         """The derivatives in the order of the state vector."""
         return sorted((v for v in self.variables if v.state), key=lambda v: v.offset)
 
-    def of(self, signal: Signal) -> Variable:
+    def of(self, signal: Signal) -> FmiVariable:
         """The variable that shows a signal; not its derivative."""
         return next(v for v in self.variables if v.signal == signal and not v.state)
 
 
 def describe(sub: SubNetwork, identifier: str) -> Model:
-    """All variables of a sub-network, and the table that computes them. Raises: DiagramErrors."""
+    """All variables of a sub-network, and the program that computes them. Raises: DiagramErrors."""
     components = list(sub.network.components.values())
-    built = table.build(sub.network, "jacobi")
+    built = program.build(sub.network, "jacobi")
     name = components[0].declaration.name if len(components) == 1 else sub.network.diagram.title
     doc = components[0].declaration.doc if len(components) == 1 else ", ".join(s.name for s in components)
     model = Model(name, identifier, doc.split("\n\n")[0].replace("\n", " "), built, sub.started)
@@ -116,7 +116,7 @@ def describe(sub: SubNetwork, identifier: str) -> Model:
     return model
 
 
-def _initialized(built: Table) -> np.ndarray:
+def _initialized(built: Program) -> np.ndarray:
     """The arena with what `start` functions compute; as declared where that fails without real inputs."""
     simulation = Simulation(built, None)
     try:
@@ -133,9 +133,9 @@ class _Describer:
         self.knowns = _Dependencies(model, starts=False)
         self.initial_knowns = _Dependencies(model, starts=True)
 
-    def variables(self) -> Iterable[Variable]:
+    def variables(self) -> Iterable[FmiVariable]:
         """Time, then the variables of each component, each continuous state followed by its derivative."""
-        yield Variable("time", TIME, (), np.dtype(float), "independent", "continuous", None, unit="s", kind="TIME")
+        yield FmiVariable("time", TIME, (), np.dtype(float), "independent", "continuous", None, unit="s", kind="TIME")
         for component in self.model.network.components.values():
             continuous = component.declaration.continuous()
             for declared in component.declaration.variables.values():
@@ -145,9 +145,9 @@ class _Describer:
                 if declared in continuous:
                     yield self._derivative(variable, component, declared)
 
-    def _variable(self, component: Component, declared: Declared) -> Variable:
+    def _variable(self, component: Component, declared: Variable) -> FmiVariable:
         signal = Signal(component.name, declared.name)
-        place = self.model.table.places[signal]
+        place = self.model.program.places[signal]
         continuous = declared in component.declaration.continuous()
         computed = signal in self.model.started and not self.model.started[signal]
         initial = {"input": None, "parameter": "exact"}.get(declared.causality, "calculated")
@@ -165,7 +165,7 @@ class _Describer:
             variability = "discrete" if order.is_sampled(component) else variability
         shape = (component.count, *place.shape) if place.stride else place.shape
         has_start = initial != "calculated"
-        return Variable(
+        return FmiVariable(
             name=self._name(component, declared),
             signal=signal,
             shape=shape,
@@ -184,7 +184,7 @@ class _Describer:
             initial_knowns=self.initial_knowns.of(signal),
         )
 
-    def _kind(self, component: Component, declared: Declared) -> Kind:
+    def _kind(self, component: Component, declared: Variable) -> Kind:
         if declared in component.declaration.continuous():
             return "CONTINUOUS_STATE"
         if isinstance(declared, Output) and declared.dtype.kind != "f" and not order.is_sampled(component):
@@ -192,15 +192,14 @@ class _Describer:
         return "PARAMETER" if isinstance(declared, Parameter) else "OTHER"
 
     def _start(self, place: Place, shape: tuple[int, ...], computed: bool) -> np.ndarray:
-        arena = self.initialized if computed else self.model.table.arena
+        arena = self.initialized if computed else self.model.program.arena
         return np.ndarray(shape, place.dtype, arena.data, place.offset).copy()
 
-    def _derivative(self, state: Variable, component: Component, declared: Declared) -> Variable:
-        vectors = self.model.table.vectors
+    def _derivative(self, state: FmiVariable, component: Component, declared: Variable) -> FmiVariable:
         reads = {
             a for f in component.declaration.kind("derivatives") if f"d_{declared.name}" in f.writes for a in f.reads
         }
-        return Variable(
+        return FmiVariable(
             name=f"der({state.name})",
             signal=state.signal,
             shape=state.shape,
@@ -208,7 +207,7 @@ class _Describer:
             causality="local",
             variability="continuous",
             initial="calculated",
-            offset=state.offset - vectors["X"] + vectors["D"],
+            offset=self.model.program.layout.derivative(self.model.program.places[state.signal]).offset,
             unit=_per_second(state.unit),
             description=f"derivative of {state.name}",
             need="DIFFERENTIATED",
@@ -218,7 +217,7 @@ class _Describer:
             initial_knowns=self.initial_knowns.of_reads(component, reads),
         )
 
-    def _name(self, component: Component, declared: Declared) -> str:
+    def _name(self, component: Component, declared: Variable) -> str:
         if len(self.model.network.components) == 1:
             return declared.name
         return ".".join(_quoted(part) for part in (*component.name.split("/"), declared.name))
@@ -299,43 +298,35 @@ def _merged(parts: Iterable[Knowns]) -> Knowns:
     return merged
 
 
-# ---- operations -------------------------------------------------------------------------------------------------
+# ---- phases -----------------------------------------------------------------------------------------------------
+
+#: What only FMUs do: EVALUATE while sampled blocks hold what they gave, and the derivatives of all states.
+PHASES = (*loop.PHASES, "HELD", "DERIVATIVES")
 
 
 @dataclass
-class Operations:
-    """The rows of the table, and the ranges of them that an FMU's functions do; see wrapper/model.h."""
+class Rows:
+    """The rows of a program, followed by those of HELD and DERIVATIVES; of each of PHASES the first row and the one
+    after the last."""
 
     rows: np.ndarray
-    ranges: dict[str, tuple[int, int]]
-    started: list[tuple[int, Signal]]  # operation, state
+    phases: list[tuple[int, int]]
 
 
-def operations(model: Model) -> Operations:
-    """The table's operations, followed by ranges of our own for what only FMUs do."""
-    built = model.table
-    rows = built.operations.tolist()
-    ranges = {"initial": built.initial, "point": built.point, "between": built.between}
-    calculate = sum(len(s.declaration.kind("calculate")) for s in model.network.components.values())
-    ranges["calculate"] = (built.initial[0], built.initial[0] + calculate)
-
-    def call(row: list[int]) -> table.Call | None:
-        return built.calls[row[loop.A]] if row[loop.KIND] == loop.CALL else None
-
-    def add(name: str, chosen: list[list[int]]) -> None:
-        ranges[name] = (len(rows), len(rows) + len(chosen))
-        rows.extend(chosen)
-
+def rows(model: Model) -> Rows:
+    """The program's rows, followed by rows of our own for what only FMUs do."""
+    built = model.program
     sampled = {name for name, component in model.network.components.items() if order.is_sampled(component)}
-    published = sum(len(s.declaration.discrete()) for s in model.network.components.values())
-    outputs = rows[built.point[0] + published : built.point[1]]
-    add("held", [row for row in outputs if not ((made := call(row)) and made.component in sampled)])
-    first = [(int(b[loop.FIRST_BEGIN]), int(b[loop.FIRST_END])) for b in built.banks]
-    add("derivatives", [row for begin, end in first for row in rows[begin:end]])
-    between = rows[built.between[0] : built.between[1]]
-    add("update", [row for row in between if (made := call(row)) and made.function.kind == "update"])
-    started = []
-    for o in range(*built.initial):
-        if (made := call(rows[o])) and made.function.kind == "start":
-            started += [(o, Signal(made.component, state)) for state in sorted(made.function.writes)]
-    return Operations(np.array(rows, np.int64).reshape(-1, loop.OPERATION_WORDS), ranges, started)
+
+    def is_held(row: list[int]) -> bool:
+        return row[loop.KIND] == loop.CALL and built.calls[row[loop.A]].component in sampled
+
+    found = built.rows.tolist()
+    held = [row for row in found[slice(*built.phases["EVALUATE"])] if not is_held(row)]
+    first = [slice(int(bank[loop.FIRST_BEGIN]), int(bank[loop.FIRST_END])) for bank in built.banks]
+    derivatives = [row for part in first for row in found[part]]
+    phases = list(built.phases[name] for name in loop.PHASES)
+    for added in (held, derivatives):
+        phases.append((len(found), len(found) + len(added)))
+        found += added
+    return Rows(np.array(found, np.int64).reshape(-1, loop.ROW_WORDS), phases)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.engine import table
+from cosim.engine import program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, NotExportable, UnknownBlock, WrongValue, nearest
 from cosim.wiring import order
@@ -52,7 +52,7 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
         started |= {Signal(name, state): state in component.given for state in computed}
         component = replace(component, wires=kept, values=values, given=component.given - computed)
         components[name] = _member(component, member - 1) if fleet else component
-    return SubNetwork(Network(network.diagram, components), started)
+    return SubNetwork(order.ordered(Network(network.diagram, components)), started)
 
 
 def _checked(network: Network, blocks: Sequence[str]) -> list[str]:
@@ -85,7 +85,7 @@ def _opened(network: Network, names: list[str], single: bool) -> dict[Signal, np
     Zeros where the diagram cannot be initialized without being run. single: one member is exported, so that signals
     joined along the fleet come from outside.
     """
-    whole = table.build(network, network.diagram.run.method)
+    whole = program.build(network, network.diagram.run.method)
     simulation = Simulation(whole, None)
     try:
         simulation.initialize()

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.fmu.event_mode import enter_event_mode, leave_event_mode, reals_of, settle
+from cosim.fmu.event_mode import communication_step, enter_event_mode, leave_event_mode, reals_of, settle
 from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
 from cosim.fmu.fields import (
     ADVANCE,
@@ -55,6 +55,7 @@ from cosim.fmu.fields import (
     INITIAL,
     INSTANCE,
     KIND,
+    LAST_TIME_STATUS,
     LINK,
     LINK_WORDS,
     MODE,
@@ -69,9 +70,9 @@ from cosim.fmu.fields import (
     ROUNDING,
     SETTLES,
     STATUS,
-    STEP,
     TASK,
     TERMINATED,
+    TERMINATED_STATUS,
     VERSION,
     WARNED,
     WARNED_AT,
@@ -80,8 +81,6 @@ from cosim.fmu.fields import (
 )
 from cosim.fmu.transfer import bad, get_outputs, give_up, set_inputs
 from cosim.machine.memory import integers_at, reals_at, words_at
-
-_TERMINATED_STATUS, _LAST_TIME_STATUS = 3, 2  # fmi2StatusKind
 
 
 def adapt(time: float, base: int, frame: int) -> int:
@@ -181,7 +180,7 @@ def do_step(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
         return True
     if r[ENDS] != 0:
         return give_up(link, TERMINATED, 0)
-    step = reals_at(f[LINK], LINK_WORDS)[STEP]
+    step = communication_step(f)
     if link[VERSION] == 3:
         return do_step_3(time, step, link, r, info)
     if not bad(link, link[DO_STEP], (r[HANDLE], time, step, 1)):
@@ -196,10 +195,10 @@ def discarded(time: float, step: float, link: Any, r: Any, info: int) -> bool:
     flags, last = integers_at(info, 1), reals_at(info + INFO_REAL, 1)
     flags[0] = 0
     last[0] = time
-    if bad(link, link[BOOLEAN_STATUS], (r[HANDLE], _TERMINATED_STATUS, info)) or flags[0] == 0:
+    if bad(link, link[BOOLEAN_STATUS], (r[HANDLE], TERMINATED_STATUS, info)) or flags[0] == 0:
         link[STATUS], link[FAILED] = DISCARD, link[DO_STEP]
         return True
-    if link[REAL_STATUS] != 0 and bad(link, link[REAL_STATUS], (r[HANDLE], _LAST_TIME_STATUS, info + INFO_REAL)):
+    if link[REAL_STATUS] != 0 and bad(link, link[REAL_STATUS], (r[HANDLE], LAST_TIME_STATUS, info + INFO_REAL)):
         return True
     return ends(last[0], time + step, step, link, r, info)
 

@@ -17,6 +17,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from cosim.errors import ArchiveError, FmuError, MissingFile, Position
+from cosim.fmu.fmi import Version
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 4 << 30
@@ -144,16 +145,13 @@ def suffix() -> str:
     return _SYSTEMS[sys.platform][1]
 
 
-def platforms(version: int) -> list[str]:
+def platforms(version: Version) -> list[str]:
     """The folders below `binaries` that fit this machine, the FMI version's own name first."""
     system = _SYSTEMS[sys.platform][0]
     machine = platform.machine().lower()
     wide = sys.maxsize > 2**32
-    arm = machine in ("arm64", "aarch64")
-    architecture = "aarch64" if arm else "x86_64" if wide else "x86"
-    old = {"windows": "win"}.get(system, system) + ("64" if wide else "32")
-    names = [f"{architecture}-{system}"] + ([] if arm and system != "darwin" else [old])
-    return names if version == 3 else names[::-1]
+    architecture = "aarch64" if machine in ("arm64", "aarch64") else "x86_64" if wide else "x86"
+    return version.folders(system, architecture)
 
 
 def binaries(folder: Path) -> list[str]:
@@ -169,7 +167,7 @@ def check_identifier(identifier: str, name: str, position: Position | None = Non
         raise FmuError(message, position, "do not use this FMU")
 
 
-def binary(folder: Path, identifier: str, version: int, name: str, position: Position | None = None) -> Path:
+def binary(folder: Path, identifier: str, version: Version, name: str, position: Position | None = None) -> Path:
     """The shared library for this machine. Raises: FmuError, with the platforms that there are."""
     for system in platforms(version):
         path = folder / "binaries" / system / f"{identifier}{suffix()}"

@@ -9,19 +9,20 @@ from typing import Any
 
 from cosim.errors import FmuError, Position
 from cosim.fmu import archive
-from cosim.fmu.trace import Trace
+from cosim.fmu.fmi import Version
+from cosim.fmu.trace import FmuTrace
 
 
-class Library:
+class Binary:
     """The shared library of an FMU, and the addresses of its functions."""
 
-    def __init__(self, fmu: Any, trace: Trace, place: Position) -> None:
+    def __init__(self, fmu: Any, trace: FmuTrace, place: Position) -> None:
         """trace: where the names of functions are noted; place: of the FMU in the diagram. Raises: FmuError."""
         self._trace = trace
         self._place = place
         self._addresses: dict[str, int] = {}
         self.path = archive.binary(fmu.folder, fmu.interface.modelIdentifier, fmu.version, fmu.name)
-        self.prefix = f"fmi{fmu.version}"
+        self.version: Version = fmu.version
         try:
             with trace.calling(0, 0):
                 self._handle = self._load()
@@ -40,15 +41,16 @@ class Library:
         """The address of a function, without FMI's prefix. Raises: FmuError."""
         address = self.find(name)
         if not address:
-            message = f"`{self.path.name}` has no function {self.prefix}{name}"
+            message = f"`{self.path.name}` has no function {self.version.prefix}{name}"
             raise FmuError(message, self._place, "export the FMU again")
         return address
 
     def find(self, name: str) -> int:
         """The address of a function, 0 where the library has none."""
         if name not in self._addresses:
-            function = getattr(self._handle, self.prefix + name, None)
+            full = self.version.prefix + name
+            function = getattr(self._handle, full, None)
             self._addresses[name] = ctypes.cast(function, ctypes.c_void_p).value or 0 if function else 0
             if self._addresses[name]:
-                self._trace.name(self._addresses[name], self.prefix + name)
+                self._trace.name(self._addresses[name], full)
         return self._addresses[name]

@@ -20,12 +20,15 @@ from cosim.fmu.fields import (
     INFO,
     INFO_REAL,
     LEAVE_EVENT_MODE,
+    LINK,
+    LINK_WORDS,
     MODE,
     MOST_ITERATIONS,
     NEXT,
     NEXT_DEFINED,
     RECORD_WORDS,
     RUNNING,
+    STEP,
     UPDATE_DISCRETE_STATES,
     VERSION,
 )
@@ -36,6 +39,11 @@ from cosim.machine.memory import integers_at, reals_at, words_at
 def reals_of(info: int) -> Any:
     """The words of an instance's record as float64."""
     return reals_at(info - 8 * INFO, RECORD_WORDS)
+
+
+def communication_step(f: Any) -> float:
+    """The loop's communication step (s)."""
+    return reals_at(words_at(f[LINK], LINK_WORDS)[STEP], 1)[0]
 
 
 def enter_event_mode(link: Any, r: Any, info: int) -> bool:

@@ -15,7 +15,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.fmu.event_mode import enter_event_mode, go_into_event_mode, leave_event_mode, reals_of, settle
+from cosim.fmu.event_mode import (
+    communication_step,
+    enter_event_mode,
+    go_into_event_mode,
+    leave_event_mode,
+    reals_of,
+    settle,
+)
 from cosim.fmu.fields import (
     AGAIN,
     BUFFER,
@@ -36,7 +43,7 @@ from cosim.fmu.fields import (
     HANDLED,
     INDICATOR_VALUES,
     INDICATORS,
-    INNER_STEP,
+    INNER_STEPS,
     INPUTS,
     LINK,
     LINK_WORDS,
@@ -60,12 +67,14 @@ from cosim.fmu.fields import (
     STAGES,
     STATE_MAP,
     STATES,
-    STEP,
+    TABLEAU,
     TERMINATED,
     WORK,
 )
 from cosim.fmu.transfer import bad, differs, give_up, set_inputs, set_value
+from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import integers_at, reals_at, words_at
+from cosim.machine.stages import move
 
 # ---- what the loop asks for ----
 
@@ -91,7 +100,7 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
             changed |= differs(at, row[SHADOW] + k * row[BYTES], row[BYTES])
         elif set_value(link, row, address, r[HANDLE], at, k):
             return True
-    if done or not changed or has_event_before(r, info, time + ROUNDING * number(f, STEP)):
+    if done or not changed or has_event_before(r, info, time + ROUNDING * communication_step(f)):
         return False
     r[EVENT_DUE] = 0
     if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
@@ -107,7 +116,7 @@ def differentiate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, 
             return True
         if r[ENDS] != 0:
             return give_up(link, TERMINATED, 0)
-        if stage == 0 and has_event_before(r, info, time + number(f, INNER_STEP) - ROUNDING * number(f, STEP)):
+        if stage == 0 and has_event_before(r, info, time + inner_step(f) - ROUNDING * communication_step(f)):
             if split(time, base, link, plan, f, r, info, k):
                 return True
         else:
@@ -158,7 +167,7 @@ def end_events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, inf
 
 def is_due(time: float, f: Any, r: Any, info: int) -> bool:
     """Whether a communication point has reached the next time event, up to what rounding does to a time."""
-    return r[NEXT_DEFINED] != 0 and reals_of(info)[NEXT] <= time + ROUNDING * number(f, STEP)
+    return r[NEXT_DEFINED] != 0 and reals_of(info)[NEXT] <= time + ROUNDING * communication_step(f)
 
 
 def tell_event(link: Any, r: Any, info: int) -> bool:
@@ -173,9 +182,9 @@ def tell_event(link: Any, r: Any, info: int) -> bool:
 # ---- time ----
 
 
-def number(f: Any, word: int) -> float:
-    """A word of the link that is a float64."""
-    return reals_at(f[LINK], LINK_WORDS)[word]
+def inner_step(f: Any) -> float:
+    """The step of the integration of the states (s)."""
+    return communication_step(f) / words_at(f[LINK], LINK_WORDS)[INNER_STEPS]
 
 
 def tell_time(time: float, link: Any, r: Any, info: int) -> bool:
@@ -213,8 +222,8 @@ def catch_up(time: float, link: Any, r: Any, info: int) -> bool:
 def split(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
     """Do an inner step from `time`: to each time event in it, through the event, and on to the end."""
     x, slopes, n = reals_at(r[END_STATES], link[STATES]), reals_at(r[SLOPES], link[STATES]), link[STATES]
-    step = number(f, INNER_STEP)
-    end, limit = time + step, time + step - ROUNDING * number(f, STEP)
+    step = inner_step(f)
+    end, limit = time + step, time + step - ROUNDING * communication_step(f)
     gather(base, link, plan[STATE_MAP], f, k)
     buffer = reals_at(link[BUFFER], n)
     for j in range(n):
@@ -258,25 +267,22 @@ def pass_event(link: Any, r: Any, info: int) -> bool:
 
 
 def flow(begin: float, end: float, link: Any, r: Any, info: int) -> bool:
-    """Integrate END_STATES from a time to another without events between, by one step of the loop's method."""
-    n, h = link[STATES], end - begin
+    """Integrate END_STATES from a time to another without events between, by one step of the loop's integrator."""
+    n, h, stages = link[STATES], end - begin, link[STAGES]
     x, d = reals_at(r[END_STATES], n), reals_at(link[BUFFER], n)
-    start, total = reals_at(link[WORK], n), reals_at(link[WORK] + 8 * n, n)
+    begun, total, slopes = reals_at(link[WORK], n), reals_at(link[WORK] + 8 * n, n), link[WORK] + 16 * n
     if slopes_at(begin, link, r, info):
         return True
     for j in range(n):
-        start[j] = x[j]
-        total[j] = d[j]
-        x[j] = start[j] + (h if link[STAGES] == 1 else 0.5 * h) * d[j]
-    for stage in range(1, link[STAGES]):
-        if slopes_at(end if stage == 3 else begin + 0.5 * h, link, r, info):
-            return True
+        begun[j] = x[j]
+    for stage in range(stages):
+        row = reals_at(link[TABLEAU] + stage * (HEAD + stages) * 8, HEAD + stages)
+        slope = reals_at(slopes + stage * n * 8, n)
         for j in range(n):
-            total[j] += (1.0 if stage == 3 else 2.0) * d[j]
-            x[j] = start[j] + (h if stage == 2 else 0.5 * h) * d[j]
-        if stage == 3:
-            for j in range(n):
-                x[j] = start[j] + h / 6.0 * total[j]
+            slope[j] = d[j]
+        move(x, begun, h, row, slopes, n * 8, total)
+        if stage < stages - 1 and slopes_at(end if row[NODE] == 1.0 else begin + row[NODE] * h, link, r, info):
+            return True
     return set_time(end, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], r[END_STATES], n))
 
 
@@ -294,7 +300,7 @@ def set_time_and_states(time: float, base: int, link: Any, plan: Any, f: Any, r:
     """Set the time and the continuous states that the call reads."""
     n = link[STATES]
     if n == 0:
-        return catch_up(time - ROUNDING * number(f, STEP), link, r, info) or set_time(time, link, r, info)
+        return catch_up(time - ROUNDING * communication_step(f), link, r, info) or set_time(time, link, r, info)
     if r[SPLIT] != 0:
         r[SPLIT] = 0
         scatter(base, link, plan[STATE_MAP], f, k, r[END_STATES])

@@ -1,12 +1,15 @@
-"""The tables that the adapter walks, in words of 64 bits: filled by `cosim.fmu.instance`, read by `cosim.fmu.adapter`.
+"""The tables that the adapter walks, in words of 64 bits.
+
+Filled by `cosim.fmu.adapter_tables`, read by `cosim.fmu.adapter`.
 
 A frame is ``[fault…, instances, link, plan, (offset, stride) per argument…]``; `link` is the address of a table that
 all calls of one block share, `plan` of one of the call's own. A plan lists rows, one for each variable exchanged.
 """
 
-from cosim.compiling.adapters import INSTANCES
+from cosim.compiling.frame import INSTANCES
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+TERMINATED_STATUS, LAST_TIME_STATUS = 3, 2  # fmi2StatusKind
 
 # A frame's words before the arguments.
 COUNT, LINK, PLAN, FIRST = range(INSTANCES, INSTANCES + 4)
@@ -21,7 +24,7 @@ LINK_WORDS = 48
     INDICATORS,
     BUFFER,  # the states in the FMU's order
     SIGNS,  # the event indicators
-    STEP,  # communication step, a float64 (s)
+    STEP,  # the address of the communication step, a float64 (s)
     EXIT_INITIALIZATION,
     SET_TIME,
     SET_STATES,
@@ -40,9 +43,10 @@ LINK_WORDS = 48
     WARNINGS,
     CALLING,  # the address of the function that is being called, or was last
     CALLED,  # how often a call has begun or ended: odd inside one
-    WORK,  # twice the states, for an integration across time events
-    INNER_STEP,  # of the states' integration, a float64 (s)
-    STAGES,  # how often it asks for derivatives in one
+    WORK,  # the states at the begin of a step, a sum, and the slopes, for an integration across time events
+    INNER_STEPS,  # in how many of them its states are integrated
+    STAGES,  # how often an integration asks for derivatives in one
+    TABLEAU,  # the address of its tableau, see `cosim.integrators`
     JOINT,  # whether other blocks read outputs inside it
     SPLITS,  # how many inner steps had time events in them
     ENDING,  # the address of a word that tells the loop to do no step after this communication point
@@ -55,7 +59,7 @@ LINK_WORDS = 48
     ALONE,  # the address of a word that is 0 in a process that the FMU has forked
     LEAVE,  # the address of _exit()
     AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
-) = range(41)
+) = range(42)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 

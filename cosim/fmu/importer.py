@@ -26,13 +26,13 @@ from cosim.authoring.declaration import Declaration, Function
 from cosim.authoring.rules import condition
 from cosim.authoring.variables import Input, Local, Output, Parameter, State, Variable
 from cosim.errors import FmuError, Position, UnknownPort, WrongValue, nearest
-from cosim.fmu import adapter, archive, fields
+from cosim.fmu import adapter, archive, fields, versions
+from cosim.fmu.fmi import Version
 from cosim.fmu.ports import Port
 from cosim.fmu.ports import ports as read_ports
 from cosim.language.entry import BlockEntry
 from cosim.machine import supervision
 
-DELAY = {2: "FMI 2.0.5, section 4.2.4", 3: "FMI 3.0.2, section 4.2, Step Mode"}
 MODES = ("co-simulation", "model-exchange")
 
 
@@ -56,9 +56,9 @@ class Fmu:
         return self.path.name
 
     @property
-    def version(self) -> int:
-        """FMI's major version."""
-        return self.description.fmiMajorVersion
+    def version(self) -> Version:
+        """FMI's version."""
+        return versions.find(self.description.fmiVersion)
 
     @property
     def interface(self) -> Any:
@@ -70,8 +70,7 @@ class Fmu:
         """The adapter's name for the kind."""
         if self.mode == MODES[1]:
             return fields.MODEL_EXCHANGE
-        eventful = self.version == 3 and self.interface.hasEventMode
-        return fields.EVENT_CO_SIMULATION if eventful else fields.CO_SIMULATION
+        return fields.EVENT_CO_SIMULATION if self.interface.hasEventMode else fields.CO_SIMULATION
 
     frame_words = fields.FIRST - fields.LINK
 
@@ -95,9 +94,11 @@ def read_description(path: Path, position: Position | None = None) -> tuple[Path
 
     folder = archive.unpack(path, position)
     version = etree.parse(str(folder / archive.DESCRIPTION)).getroot().get("fmiVersion", "none")
-    if version != "2.0" and not version.startswith("3."):
+    try:
+        versions.find(version)
+    except LookupError:
         message = f"`{path.name}` is of FMI version {version}; FMI 2.0 and 3.0 can be run"
-        raise FmuError(message, position, "export the FMU for FMI 2.0 or 3.0")
+        raise FmuError(message, position, "export the FMU for FMI 2.0 or 3.0") from None
     from fmpy.model_description import ValidationError, read_model_description
 
     try:
@@ -120,12 +121,12 @@ def block(entry: BlockEntry) -> type[Block]:
     """
     folder, description = read_description(entry.path, entry.type.position)
     mode = _mode(entry, description)
-    fmu = Fmu(entry.path, folder, description, mode, {}, bool(entry.isolate and entry.isolate.value))
+    isolate = entry.settings.get("isolate")
+    fmu = Fmu(entry.path, folder, description, mode, {}, bool(isolate and isolate.value))
     archive.binary(folder, fmu.interface.modelIdentifier, fmu.version, fmu.name, entry.type.position)
-    if fmu.isolated and not supervision.AVAILABLE:
-        assert entry.isolate
+    if isolate and fmu.isolated and not supervision.AVAILABLE:
         message = f"block {entry.name}: a process of its own needs fork, which this operating system lacks"
-        raise FmuError(message, entry.isolate.position, "remove `isolate`")
+        raise FmuError(message, isolate.position, "remove `isolate`")
     try:
         fmu.ports = _renamed(read_ports(description), entry)
         _read_structure(fmu)
@@ -144,12 +145,11 @@ def _mode(entry: BlockEntry, description: Any) -> str:
     if not offered:
         message = f"`{entry.path.name}` is made for scheduled execution only, which cannot be run here"
         raise FmuError(message, entry.type.position, "export it for co-simulation or model exchange")
-    mode = entry.mode.value if entry.mode else offered[0]
-    if mode not in offered:
-        assert entry.mode
-        message = f"`{entry.path.name}` is not made for {mode}"
-        raise FmuError(message, entry.mode.position, f"write mode: {offered[0]}")
-    return mode
+    chosen = entry.settings.get("mode")
+    if chosen and chosen.value not in offered:
+        message = f"`{entry.path.name}` is not made for {chosen.value}"
+        raise FmuError(message, chosen.position, f"write mode: {offered[0]}")
+    return chosen.value if chosen else offered[0]
 
 
 def _renamed(ports: dict[str, Port], entry: BlockEntry) -> dict[str, Port]:
@@ -190,8 +190,7 @@ def _read_structure(fmu: Fmu) -> None:
         if state is None or id(state) not in owner:
             raise FmuError(f"nothing says which state `{unknown.variable.name}` is the derivative of")
         name, element = owner[id(state)]
-        size = fmu.ports[name].size if fmu.version == 3 else 1
-        fmu.states += [(name, element + k) for k in range(size)]
+        fmu.states += [(name, element + k) for k in range(fmu.ports[name].member_size)]
     for name in {name for name, _ in fmu.states}:
         if sum(other == name for other, _ in fmu.states) != fmu.ports[name].size:
             raise FmuError(f"only some elements of `{name}` are states")
@@ -343,7 +342,7 @@ def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
         numbers += [f"not stated for {', '.join(unstated)}: if they do, one step of delay"] if unstated else []
         if numbers:
             text = "outputs depend on no input at the same instant"
-            yield condition(text, DELAY[fmu.version])(_fails("; ".join(numbers)))
+            yield condition(text, fmu.version.delay)(_fails("; ".join(numbers)))
     if fmu.kind != fields.MODEL_EXCHANGE and _samples(fmu) and not declaration.sampled and list(declaration.of(Input)):
         seen = f"under gauss-seidel {', '.join(_computed(fmu, 'discrete'))} may see those of its end"
         text = "what is sampled at the beginning of a step sees the inputs of that time"

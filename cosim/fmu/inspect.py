@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError, FmuError
-from cosim.fmu import archive, fields
+from cosim.fmu import archive, fields, versions
 from cosim.fmu.importer import MODES, Fmu, read_description
 from cosim.fmu.importer import dependencies as read_dependencies
 from cosim.fmu.ports import Port, ports
@@ -67,7 +67,7 @@ def _runs_here(path: Path, folder: Path, description: Any) -> str:
     if kind is None:
         return ""
     try:
-        archive.binary(folder, kind.modelIdentifier, description.fmiMajorVersion, path.name)
+        archive.binary(folder, kind.modelIdentifier, versions.find(description.fmiVersion), path.name)
     except CosimError:
         return " (not for this machine)"
     return " (runs here)"

@@ -9,7 +9,6 @@ Like `cosim.engine.loop`, this is one source for both engines.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import platform
 import sys
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.fmu import c_library
 from cosim.fmu.fields import LINK, PLAN
 from cosim.machine.memory import call, invoke, load, pause, reals_at, shared, store, words_at
 
@@ -141,12 +141,11 @@ def wake(c: Any, at: int) -> int:
 def new() -> np.ndarray:
     """A mailbox in shared memory (MAILBOX_WORDS,), ready to be posted to."""
     box = shared(8 * MAILBOX_WORDS).view(np.int64)
-    library = ctypes.CDLL(None)
     number = _FUTEX.get(platform.machine(), 0) if sys.platform == "linux" else 0
     box[SPINS] = box[CALLER_SPINS] = box[SERVER_SPINS] = _SPINNING if _processors() > 1 else 0
     box[YIELDS] = _YIELDING
-    box[YIELD] = _address(library.sched_yield)
-    box[SLEEP] = _address(library.syscall if number else library.usleep)
+    box[YIELD] = c_library.address("sched_yield")
+    box[SLEEP] = c_library.address("syscall" if number else "usleep")
     box[WAKE_ARGUMENT] = number
     box[TIMEOUT : TIMEOUT + 2] = 0, int(_SLEEP_SECONDS * 1e9)
     return box
@@ -154,7 +153,3 @@ def new() -> np.ndarray:
 
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _address(function: Any) -> int:
-    return ctypes.cast(function, ctypes.c_void_p).value or 0

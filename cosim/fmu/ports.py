@@ -1,10 +1,9 @@
-"""The variables of a model description as ports: FMI 2's scalars `x[1]`, `x[2,3]` gathered into arrays, FMI 3's as
-they are, each with the type that the framework sees and the way its values travel.
+"""The variables of a model description as ports, each with the type that the framework sees and the way its values
+travel: FMI 2's scalars gathered into arrays, FMI 3's arrays as they are.
 """
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -12,32 +11,11 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import CosimError, FmuError
-from cosim.fmu import fields
+from cosim.fmu import versions
 from cosim.language import units
 
-#: FMI type -> (our data type, how values travel, the word in the names of getter and setter)
-FMI2_TYPES: dict[str, tuple[Any, int, str]] = {
-    "Real": (np.float64, fields.FLOAT64, "Real"),
-    "Integer": (np.int32, fields.INTEGER32, "Integer"),
-    "Enumeration": (np.int32, fields.INTEGER32, "Integer"),
-    "Boolean": (np.bool_, fields.BOOLEAN32, "Boolean"),
-    "String": (object, fields.PLAIN, "String"),
-}
-FMI3_TYPES: dict[str, tuple[Any, int, str]] = {
-    "Float64": (np.float64, fields.FLOAT64, "Float64"),
-    "Float32": (np.float32, fields.FLOAT32, "Float32"),
-    **{
-        f"{u}{b}": (f"{u}{b}".lower(), fields.PLAIN, f"{u}{b}")
-        for u in ("Int", "UInt")
-        for b in ("8", "16", "32", "64")
-    },
-    "Enumeration": (np.int64, fields.PLAIN, "Int64"),
-    "Boolean": (np.bool_, fields.PLAIN, "Boolean"),
-    "String": (object, fields.PLAIN, "String"),
-}
 MOST_ELEMENTS = 10_000_000
 _LARGEST_REFERENCE = 2**32 - 1
-_ELEMENT = re.compile(r"(.+)\[\s*(\d+(?:\s*,\s*\d+)*)\s*\]")
 
 
 @dataclass(frozen=True)
@@ -86,6 +64,11 @@ class Port:
         """The number of values."""
         return prod(self.shape)
 
+    @property
+    def member_size(self) -> int:
+        """The number of values of each of the FMU's variables."""
+        return self.size // len(self.members)
+
     def start(self) -> Any:
         """The start value that the description gives, as nested lists; None without one."""
         texts = [member.start for member in self.members]
@@ -132,13 +115,11 @@ def _unit(member: Any) -> str | None:
 def ports(description: Any) -> dict[str, Port]:
     """The ports of a model description by name. Raises: FmuError where sizes make no sense."""
     _check_references(description.modelVariables)
-    version3 = description.fmiMajorVersion == 3
-    types = FMI3_TYPES if version3 else FMI2_TYPES
-    usable = [v for v in description.modelVariables if _is_usable(v, types)]
-    groups = {v.name: ((v,), tuple(v.shape or ())) for v in usable} if version3 else _gathered(usable)
+    version = versions.find(description.fmiVersion)
+    usable = [v for v in description.modelVariables if _is_usable(v, version.types)]
     found = {}
-    for name, (members, shape) in groups.items():
-        dtype, code, accessor = types[members[0].type]
+    for name, (members, shape) in version.groups(usable).items():
+        dtype, code, accessor = version.types[members[0].type]
         if prod(shape) > MOST_ELEMENTS or any(size < 1 for size in shape):
             raise FmuError(f"its variable `{name}` has the size {shape}", fix="export the FMU again")
         if np.dtype(dtype) == object and shape:
@@ -162,38 +143,3 @@ def _is_usable(variable: Any, types: dict[str, Any]) -> bool:
     if variable.causality in ("independent", "structuralParameter"):
         return False
     return variable.type != "String" or (variable.causality == "parameter" and not variable.shape)
-
-
-def _gathered(variables: list[Any]) -> dict[str, tuple[tuple[Any, ...], tuple[int, ...]]]:
-    """Scalars by name, elements `x[…]` of a complete array of one kind by the array's name, in row-major order."""
-    taken = {v.name for v in variables}
-    arrays: dict[str, dict[tuple[int, ...], Any]] = {}
-    for variable in variables:
-        if place := _place(variable.name):
-            arrays.setdefault(place[0], {})[place[1]] = variable
-    shapes = {name: _shape(elements) for name, elements in arrays.items() if name not in taken}
-    groups: dict[str, tuple[tuple[Any, ...], tuple[int, ...]]] = {}
-    for variable in variables:
-        place = _place(variable.name)
-        shape = shapes.get(place[0], ()) if place else ()
-        if place and shape:
-            if place[0] not in groups:
-                groups[place[0]] = tuple(v for _, v in sorted(arrays[place[0]].items())), shape
-        else:
-            groups[variable.name] = ((variable,), ())
-    return groups
-
-
-def _place(name: str) -> tuple[str, tuple[int, ...]] | None:
-    match = _ELEMENT.fullmatch(name)
-    return (match[1], tuple(int(i) for i in match[2].split(","))) if match else None
-
-
-def _shape(elements: dict[tuple[int, ...], Any]) -> tuple[int, ...]:
-    """The shape, if the indices fill a box that begins at 0 or 1 with variables of one kind; else ()."""
-    kinds = {(v.type, v.causality, v.variability, v.initial) for v in elements.values()}
-    if len(kinds) != 1 or len({len(index) for index in elements}) != 1:
-        return ()
-    low, high = [tuple(f(axis) for axis in zip(*elements, strict=True)) for f in (min, max)]
-    shape = tuple(b - a + 1 for a, b in zip(low, high, strict=True))
-    return shape if set(low) in ({0}, {1}) and len(elements) == prod(shape) else ()

@@ -19,7 +19,7 @@ from cosim.machine import floating
 _NAMES, _NAME_BYTES = 64, 56
 
 
-class Trace:
+class FmuTrace:
     """The link that the adapter keeps, the names of the FMU's functions, and each instance's last messages.
 
     fmu: a `cosim.fmu.importer.Fmu`. members: which of the component's instances these are, from 0.
@@ -47,7 +47,7 @@ class Trace:
 
     @contextmanager
     def calling(self, k: int, address: int) -> Iterator[None]:
-        """Inside, a function of instance k is called (0: the library is loaded or left). See `values.bad`."""
+        """Inside, a function of instance k is called (0: the library is loaded or left). See `transfer.bad`."""
         self.link[fields.INSTANCE], self.link[fields.CALLING] = k, address
         owner = os.getpid()
         self.link[fields.CALLED] += 1

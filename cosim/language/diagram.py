@@ -23,10 +23,11 @@ from cosim.errors import (
     WrongValue,
 )
 from cosim.language import grammar, source
-from cosim.language.embedding import Network, read_network
+from cosim.language.embedding import Unfolded, unfold
 from cosim.language.entry import BlockEntry
-from cosim.language.grammar import Reader
+from cosim.language.keys import DIAGRAM, METRIC, RECORD, REDUCTIONS, RUN, read_named, read_section, read_value
 from cosim.language.overlay import apply_settings, apply_swaps, read_layers
+from cosim.language.reader import Reader, multiple
 from cosim.language.source import Node, describe
 from cosim.language.swaps import Swap
 
@@ -40,18 +41,18 @@ class RunSettings:
     patience: for how long (s of wall-clock time) a call of an FMU may give no sign of life.
     """
 
-    stop: float = math.nan
-    step: float = math.nan
-    method: str = "jacobi"
-    integrator: str = "euler"
-    inner_steps: int = 1
-    patience: float = 10.0
-    nodes: dict[str, Node] = field(default_factory=dict)
+    stop: float
+    step: float
+    method: str
+    integrator: str
+    inner_steps: int
+    patience: float
+    nodes: dict[str, Node]
 
     @property
     def steps(self) -> int:
         """The number of communication steps up to `stop`."""
-        return grammar.multiple(self.stop, self.step) or 0
+        return multiple(self.stop, self.step) or 0
 
 
 @dataclass
@@ -109,7 +110,7 @@ class Diagram:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
         sections: dict[str, Any] = {
             "title": self.title,
-            "run": {key: getattr(self.run, key) for key in grammar.DIAGRAM["run"]},
+            "run": {key: getattr(self.run, key) for key in RUN},
             "fleets": self.fleets,
             "blocks": {name: entry.plain(self.path.parent) for name, entry in self.blocks.items()},
             "metrics": {name: metric.plain() for name, metric in self.metrics.items()},
@@ -194,28 +195,25 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     reader = Reader(problems)
     tree = grammar.conform(tree, problems)
     path, extended = files[0], files[1:]
-    network = read_network(tree, path, files, reader)
+    unfolded = unfold(tree, path, files, reader)
     sections = {key: node.value for key, node in tree.value.items()}
     run = _run(tree, reader)
-    fleets, wrong = {}, set()
-    for name, node in sections.get("fleets", {}).items():
-        before = len(problems.errors)
-        fleets[name] = reader.count(node, f"fleets.{name}")
-        if len(problems.errors) > before:
-            wrong.add(name)
-    fleets = {name: count for name, count in fleets.items() if name not in wrong}
-    network.unread |= {entry.name for entry in network.blocks.values() if entry.per and entry.per.value in wrong}
-    for entry in network.blocks.values():
-        period = entry.period
+    given = sections.get("fleets", {})
+    fleets = {name: node.value for name, node in read_named(DIAGRAM["fleets"], given, "fleets", reader).items()}
+    wrong = given.keys() - fleets.keys()
+    mapped = [entry for entry in unfolded.blocks.values() if "per" in entry.settings]
+    unfolded.unread |= {entry.name for entry in mapped if entry.settings["per"].value in wrong}
+    for entry in unfolded.blocks.values():
+        period = entry.settings.get("period")
         if period and not _is_multiple(period, f"blocks.{entry.name}.period", period.value, run.step, reader):
-            entry.period = None
-    title = reader.text(tree.value["title"], "title") if "title" in tree.value else path.stem
-    record = _record(tree.value["record"], network, run, reader) if "record" in tree.value else None
-    metrics = {name: _metric(name, node, network, reader) for name, node in sections.get("metrics", {}).items()}
+            del entry.settings["period"]
+    title = read_value(DIAGRAM["title"], tree.value["title"], "title", reader) if "title" in tree.value else path.stem
+    record = _record(tree.value["record"], unfolded, run, reader) if "record" in tree.value else None
+    metrics = {name: _metric(name, node, unfolded, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}
-    blocks, inputs, outputs, unread = network.blocks, network.inputs, network.outputs, network.unread
+    blocks, inputs, outputs, unread = unfolded.blocks, unfolded.inputs, unfolded.outputs, unfolded.unread
     return Diagram(
-        title, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, network.swaps, extended
+        title or "", path, files, run, fleets, blocks, record, known, inputs, outputs, unread, unfolded.swaps, extended
     )
 
 
@@ -223,20 +221,12 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
     """The run's settings; `stop` is a whole number of steps."""
     section = tree.value.get("run", tree)
     nodes = section.value if "run" in tree.value else {}
-    run = RunSettings(nodes=nodes)
-    for key, example in (("stop", "30"), ("step", "1.0e-3")):
-        if key in nodes:
-            setattr(run, key, reader.positive(nodes[key], f"run.{key}", math.nan))
-        else:
-            reader.missing(section, f"the diagram has no `run.{key}`", f"write run: {{{key}: {example}}}")
-    if "method" in nodes:
-        run.method = reader.choice(nodes["method"], "run.method", grammar.METHODS)
-    if "integrator" in nodes:
-        run.integrator = reader.choice(nodes["integrator"], "run.integrator", grammar.INTEGRATORS)
-    if "inner_steps" in nodes:
-        run.inner_steps = reader.count(nodes["inner_steps"], "run.inner_steps", grammar.MOST_INNER_STEPS)
-    if "patience" in nodes:
-        run.patience = reader.positive(nodes["patience"], "run.patience", run.patience)
+    values = read_section(RUN, nodes, "run", reader)
+    for key in ("stop", "step"):
+        if values[key] is None:
+            values[key] = math.nan
+            reader.missing(section, f"the diagram has no `run.{key}`", f"write run: {{{key}: {RUN[key].example}}}")
+    run = RunSettings(**values, nodes=nodes)
     if "stop" in nodes:
         _is_multiple(nodes["stop"], "run.stop", run.stop, run.step, reader)
     return run
@@ -246,7 +236,7 @@ def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reade
     """Whether a time is a whole number of steps; if not, a report whose fix is the nearest one that is."""
     if math.isnan(value) or math.isnan(step):
         return False
-    if grammar.multiple(value, step):
+    if multiple(value, step):
         return True
     ratio = value / step
     fix = "choose a larger `run.step`" if ratio >= 2**53 else f"such as {max(round(ratio), 1) * step:.12g}"
@@ -255,12 +245,12 @@ def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reade
     return False
 
 
-def _record(node: Node, network: Network, run: RunSettings, reader: Reader) -> Record:
+def _record(node: Node, unfolded: Unfolded, run: RunSettings, reader: Reader) -> Record:
     """What is recorded; each step, if no period is given."""
     period, place = run.step, node.place
     if "period" in node.value:
         place = node.value["period"].position
-        period = reader.positive(node.value["period"], "record.period", math.nan)
+        period = read_value(RECORD["period"], node.value["period"], "record.period", reader)
         _is_multiple(node.value["period"], "record.period", period, run.step, reader)
     signals = node.value.get("signals") or Node([], node.position)
     if not isinstance(signals.value, list):
@@ -272,22 +262,21 @@ def _record(node: Node, network: Network, run: RunSettings, reader: Reader) -> R
     for said in named:
         if first.setdefault(said.value, said) is not said:
             reader.wrong(said, f"`{said.value}` is recorded twice", "write it once", WrongValue)
-    known = [network.rewired(n, reader.problems) for n in named]
+    known = [unfolded.rewired(n, reader.problems) for n in named]
     return Record(period, known, place)
 
 
-def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEntry | None:
+def _metric(name: str, node: Node, unfolded: Unfolded, reader: Reader) -> MetricEntry | None:
     """One metric; None if it has no signal or no reduction."""
     entries, where = node.value, f"metrics.{name}"
     missing = [key for key in ("signal", "reduce") if key not in entries]
     for key in missing:
-        fix = "write signal: block.port" if key == "signal" else f"one of: {', '.join(grammar.REDUCTIONS)}"
+        fix = "write signal: block.port" if key == "signal" else f"one of: {', '.join(REDUCTIONS)}"
         reader.missing(node, f"metric `{name}` has no `{key}`", fix)
-    if missing or not reader.endpoint(entries["signal"], f"{where}.signal"):
+    if missing or read_value(METRIC["signal"], entries["signal"], f"{where}.signal", reader) is None:
         return None
-    reduce = reader.choice(entries["reduce"], f"{where}.reduce", grammar.REDUCTIONS)
-    start = reader.number(entries["from"], f"{where}.from", 0.0) if "from" in entries else 0.0
-    stop = reader.number(entries["to"], f"{where}.to", math.inf) if "to" in entries else math.inf
+    rest = {key: spec for key, spec in METRIC.items() if key != "signal"}
+    reduce, start, stop = read_section(rest, entries, where, reader).values()
     if not start <= stop:
         message = f"metric `{name}`: its window ends at {stop:g} s, before it begins at {start:g} s"
         reader.wrong(entries["to"], message, "exchange `from` and `to`", MetricError)
@@ -295,5 +284,5 @@ def _metric(name: str, node: Node, network: Network, reader: Reader) -> MetricEn
     if start < 0:
         message = f"metric `{name}`: its window begins at {start:g} s, before the run does"
         reader.wrong(entries["from"], message, "such as 0, or leave `from` out", MetricError)
-    signal = network.rewired(entries["signal"], reader.problems)
+    signal = unfolded.rewired(entries["signal"], reader.problems)
     return MetricEntry(name, signal, reduce, start, stop, node.place)

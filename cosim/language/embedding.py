@@ -24,8 +24,9 @@ from cosim.errors import (
 )
 from cosim.language import grammar
 from cosim.language.entry import BlockEntry, read_entry
-from cosim.language.grammar import Reader, endpoint
+from cosim.language.keys import TYPES
 from cosim.language.overlay import merge, read_layers
+from cosim.language.reader import Reader, endpoint
 from cosim.language.source import Node
 from cosim.language.swaps import Swap, settle_diagram
 
@@ -36,8 +37,8 @@ _HANDED = ("parameters", "start", "dimensions")
 
 
 @dataclass
-class Network:
-    """The blocks of a diagram and its own ports.
+class Unfolded:
+    """The blocks of a diagram, those of diagrams inside it among them, and its own ports.
 
     shown: the outputs of each diagram that was unfolded. unread: the blocks that could not be understood.
     swaps: of blocks that are diagrams. diagrams: how many were unfolded.
@@ -72,8 +73,8 @@ class Network:
         return replace(node, value=f"{outputs[port].value}{taken}" if taken else outputs[port].value)
 
 
-def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chain: tuple[str, ...] = ()) -> Network:
-    """The network of a tree that conforms to the grammar; mistakes go to the reader's problems.
+def unfold(tree: Node, path: Path, files: list[Path], reader: Reader, chain: tuple[str, ...] = ()) -> Unfolded:
+    """What a tree that conforms to the grammar unfolds to; mistakes go to the reader's problems.
 
     files: gains those that are read. chain: the real paths of the diagrams that this one is inside of.
     """
@@ -82,10 +83,10 @@ def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chai
         reader.missing(
             tree.value.get("blocks", tree), "the diagram has no `blocks`", "write `blocks:` and one below it"
         )
-    network = Network()
+    unfolded = Unfolded()
     chain = (*chain, os.path.realpath(path))
     overlays = _overlays(written)
-    typed = [name for name, node in written.items() if set(grammar.TYPES) & set(_mapping(node))]
+    typed = [name for name, node in written.items() if set(TYPES) & set(_mapping(node))]
     for name, node in written.items():
         if node.value is None and not any(name in below for below in overlays.values()):
             message = f"`{name}: ~` takes away a block inside a diagram, and there is no such diagram"
@@ -96,19 +97,19 @@ def read_network(tree: Node, path: Path, files: list[Path], reader: Reader, chai
         entry = read_entry(name, node, reader, typed)
         if entry and entry.kind == "diagram":
             below = {key.removeprefix(f"{name}/"): value for key, value in overlays.get(name, {}).items()}
-            _unfold(network, entry, below, files, reader, chain)
+            _add_diagram(unfolded, entry, below, files, reader, chain)
         elif entry:
-            network.blocks[name] = entry
+            unfolded.blocks[name] = entry
         else:
-            network.unread.add(name)
-    for block in network.blocks.values():
-        block.inputs = {port: network.rewired(node, problems) for port, node in block.inputs.items()}
+            unfolded.unread.add(name)
+    for block in unfolded.blocks.values():
+        block.inputs = {port: unfolded.rewired(node, problems) for port, node in block.inputs.items()}
     for name, node in _section(tree, "inputs").items():
-        network.inputs[name] = reader.endpoints(node, f"inputs.{name}")
+        unfolded.inputs[name] = reader.endpoints(node, f"inputs.{name}")
     for name, node in _section(tree, "outputs").items():
         if reader.endpoint(node, f"outputs.{name}"):
-            network.outputs[name] = network.rewired(node, problems)
-    return network
+            unfolded.outputs[name] = unfolded.rewired(node, problems)
+    return unfolded
 
 
 def _mapping(node: Node) -> dict[str, Node]:
@@ -125,8 +126,8 @@ def _overlays(written: Mapping[str, Node]) -> dict[str, dict[str, Node]]:
     return {d: {name: node for name, node in written.items() if name.startswith(f"{d}/")} for d in diagrams}
 
 
-def _unfold(
-    network: Network,
+def _add_diagram(
+    unfolded: Unfolded,
     outer: BlockEntry,
     overlay: dict[str, Node],
     files: list[Path],
@@ -136,24 +137,24 @@ def _unfold(
     """Add the blocks of the diagram that `outer` is, with what `outer` says of them."""
     inner = None if _are_too_many(reader) else reader.problems.attempt(_read, outer, overlay, files, reader, chain)
     if inner is None or _are_too_many(reader):  # nothing else is worth reading then
-        network.unread.add(outer.name)
+        unfolded.unread.add(outer.name)
         return
-    network.diagrams += 1 + inner.diagrams
-    if network.diagrams > MOST_DIAGRAMS or len(network.blocks) + len(inner.blocks) > MOST_BLOCKS:
+    unfolded.diagrams += 1 + inner.diagrams
+    if unfolded.diagrams > MOST_DIAGRAMS or len(unfolded.blocks) + len(inner.blocks) > MOST_BLOCKS:
         message = f"block `{outer.name}`: more than {MOST_DIAGRAMS} diagrams or {MOST_BLOCKS} blocks unfold"
         reader.problems.add(TooLarge(message, outer.type.position, "write `per: fleet` for many of one kind"))
-        network.unread.add(outer.name)
+        unfolded.unread.add(outer.name)
         return
     names = {name: f"{outer.name}/{name}" for name in inner.blocks}
     blocks = {name: _renamed(entry, names, outer, reader.problems) for name, entry in inner.blocks.items()}
     handed = {s: {k for k in getattr(outer, s) if endpoint(k)[0] in blocks} for s in _HANDED}
     swap = settle_diagram(outer, {**handed, "inputs": inner.inputs}, reader.problems)
-    network.swaps += [*inner.swaps, *([swap] if swap else [])]
+    unfolded.swaps += [*inner.swaps, *([swap] if swap else [])]
     _hand_values(outer, blocks, reader.problems)
     _hand_wires(outer, inner, blocks, reader.problems)
-    network.shown[outer.name] = {port: _moved(node, names) for port, node in inner.outputs.items()}
-    network.unread |= {f"{outer.name}/{name}" for name in inner.unread}
-    network.blocks.update({entry.name: entry for entry in blocks.values()})
+    unfolded.shown[outer.name] = {port: _moved(node, names) for port, node in inner.outputs.items()}
+    unfolded.unread |= {f"{outer.name}/{name}" for name in inner.unread}
+    unfolded.blocks.update({entry.name: entry for entry in blocks.values()})
 
 
 def _are_too_many(reader: Reader) -> bool:
@@ -162,8 +163,8 @@ def _are_too_many(reader: Reader) -> bool:
 
 def _read(
     outer: BlockEntry, overlay: dict[str, Node], files: list[Path], reader: Reader, chain: tuple[str, ...]
-) -> Network:
-    """The network of the diagram that a block is.
+) -> Unfolded:
+    """What the diagram that a block is unfolds to.
 
     Raises: CircularExtends, MissingFile, TooLarge, YamlSyntaxError, WrongType.
     """
@@ -178,16 +179,18 @@ def _read(
     files += [file for file in read if file not in files]
     if overlay:
         tree = merge(tree, Node({"blocks": Node(overlay, outer.position)}, outer.position))
-    return read_network(grammar.conform(tree, reader.problems), path, files, reader, chain)
+    return unfold(grammar.conform(tree, reader.problems), path, files, reader, chain)
 
 
 def _renamed(entry: BlockEntry, names: Mapping[str, str], outer: BlockEntry, problems: Problems) -> BlockEntry:
     """An inner block as a block of the outer diagram, for each member of the outer block's fleet."""
-    if entry.per and outer.per:
+    per, own = outer.settings.get("per"), entry.settings.get("per")
+    if per and own:
         message = f"block `{outer.name}`: its block `{entry.name}` has a `per` of its own"
-        problems.add(WrongValue(message, entry.per.place, f"remove it here, or in `{outer.name}`"))
+        problems.add(WrongValue(message, own.place, f"remove it here, or in `{outer.name}`"))
     inputs = {port: _moved(node, names) for port, node in entry.inputs.items()}
-    return replace(entry, name=names[entry.name], per=outer.per or entry.per, inputs=inputs)
+    settings = {**entry.settings, "per": per} if per else entry.settings
+    return replace(entry, name=names[entry.name], settings=settings, inputs=inputs)
 
 
 def _moved(node: Node, names: Mapping[str, str]) -> Node:
@@ -212,7 +215,7 @@ def _hand_values(outer: BlockEntry, blocks: dict[str, BlockEntry], problems: Pro
                 problems.add(UnknownParameter(message if name else f"{message[:-1]}.…` in `{key}`", node.place, fix))
 
 
-def _hand_wires(outer: BlockEntry, inner: Network, blocks: dict[str, BlockEntry], problems: Problems) -> None:
+def _hand_wires(outer: BlockEntry, inner: Unfolded, blocks: dict[str, BlockEntry], problems: Problems) -> None:
     """Let each wire to an input of the outer block end at the inner ports that the input drives."""
     for name, targets in inner.inputs.items():
         for target in targets:

@@ -1,58 +1,20 @@
-"""The closed grammar of a diagram, and readers of its single values; every mistake goes to `Problems`."""
+"""The closed grammar: a tree is cut down to the keys that are declared, and every other one is a mistake."""
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
-from typing import Any
 
-from cosim.errors import CosimError, MissingKey, Problems, TooLarge, UnknownKey, WrongType, WrongValue, nearest
-from cosim.language.expression import evaluate
+from cosim.errors import Problems, UnknownKey, WrongType, WrongValue, nearest
+from cosim.language.keys import ANY, DIAGRAM, Key
 from cosim.language.source import Node, describe
 
-ANY = "*"
-TYPES = ("block", "python", "fmu", "diagram")
-METHODS = ("jacobi", "gauss-seidel", "joint")
-INTEGRATORS = ("euler", "rk4")
-REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
-MOST = 2**31 - 1  # that compiled loops count to
-MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
-FMU_MODES = ("co-simulation", "model-exchange")
-
-
-class Layer(dict[str, Any]):
-    """The grammar of what lies over another tree, where `~` takes away what the tree below says."""
-
-
-_VALUE: dict[str, Any] = {}
-_NAMED = {ANY: _VALUE}
-BLOCK: dict[str, Any] = {
-    **dict.fromkeys((*TYPES, "per"), _VALUE),
-    **dict.fromkeys(("parameters", "start", "inputs", "dimensions"), _NAMED),
-    **dict.fromkeys(("period", "integrator", "inner_steps"), _VALUE),
-    "ports": _NAMED,
-    **dict.fromkeys(("isolate", "mode", "drop"), _VALUE),
-}
-DIAGRAM: dict[str, Any] = {
-    **dict.fromkeys(("title", "extends"), _VALUE),
-    "run": dict.fromkeys(("stop", "step", "method", "integrator", "inner_steps", "patience"), _VALUE),
-    "fleets": _NAMED,
-    "blocks": {ANY: BLOCK},
-    "record": dict.fromkeys(("period", "signals"), _VALUE),
-    "metrics": {ANY: dict.fromkeys(("signal", "reduce", "from", "to"), _VALUE)},
-    "inputs": _NAMED,
-    "outputs": _NAMED,
-}
-"""What may stand below each key; ANY stands for names that the user gives, an empty mapping for a value."""
-
-_BLOCK_NAME = re.compile(r"[^\W\d][\w-]*(/[^\W\d][\w-]*)*")
+_VALUE = Key("")
 
 
 def conform(
-    node: Node, problems: Problems, grammar: dict[str, Any] = DIAGRAM, name: str = "", over: bool = False
+    node: Node, problems: Problems, grammar: Mapping[str, Key] = DIAGRAM, name: str = "", over: bool = False
 ) -> Node:
     """The tree without what the grammar does not have.
 
@@ -74,130 +36,16 @@ def conform(
             if not meant or meant[0] in node.value:
                 continue
             key = meant[0]
-        below = grammar.get(ANY) or grammar.get(key, _VALUE)
+        declared = grammar.get(ANY) or grammar.get(key, _VALUE)
         where = f"{name}.{key}".strip(".")
         layered = over or (name == "blocks" and "/" in key)  # what is said of a block inside a diagram lies over it
         if child.value is not None:
-            entries[key] = conform(child, problems, below, where, layered or isinstance(below, Layer))
+            entries[key] = conform(child, problems, declared.below, where, layered or declared.layer)
         elif layered and not child.blank:
             entries[key] = child
         elif not child.blank:
             message = f"`{where}: ~` takes away what an overlay's base says of it, and nothing does"
             problems.add(WrongValue(message, child.place, "remove this line"))
-        elif ANY in grammar or not below:
+        elif ANY in grammar or not declared.below:
             problems.add(WrongValue(f"`{where}` has no value", child.place, "write one, or `~` to have none"))
     return replace(node, value=entries)
-
-
-class Reader:
-    """Reads single values; a wrong one is reported, and the given default stands in for it."""
-
-    def __init__(self, problems: Problems) -> None:
-        self.problems = problems
-
-    def wrong(self, node: Node, message: str, fix: str, error: type[CosimError] = WrongType) -> None:
-        """Report a wrong value, of which nothing has been said yet."""
-        if not any(known.position == node.position for known in self.problems.errors):
-            self.problems.add(error(message, node.position, fix))
-
-    def missing(self, node: Node, message: str, fix: str) -> None:
-        """Report that a mapping lacks something, unless what stands in its place is known to be no mapping."""
-        if not any(isinstance(e, WrongType) and e.position == node.position for e in self.problems.errors):
-            self.problems.add(MissingKey(message, node.place, fix))
-
-    def text(self, node: Node, name: str) -> str:
-        """A text; "" for anything else."""
-        if isinstance(node.value, str) and node.value:
-            return node.value
-        self.wrong(node, f"`{name}` must be text, not {describe(node)}", "put it between quotation marks")
-        return ""
-
-    def choice(self, node: Node, name: str, known: Iterable[str]) -> str:
-        """One of the known words; the first of them for anything else."""
-        known = tuple(known)
-        if node.value in known:
-            return node.value
-        self.wrong(node, f"`{name}` cannot be {describe(node)}", nearest(str(node.value), known), WrongValue)
-        return known[0]
-
-    def truth(self, node: Node, name: str) -> bool:
-        """true or false; False for anything else."""
-        if not isinstance(node.value, bool):
-            self.wrong(node, f"`{name}` must be true or false, not {describe(node)}", "write true or false")
-        return node.value is True
-
-    def number(self, node: Node, name: str, default: float = 1.0) -> float:
-        """A finite number or an expression of constants."""
-        value = node.value
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            self.wrong(node, f"`{name}` must be a number, not {describe(node)}", 'write a number, or "pi/3"')
-            return default
-        if isinstance(value, str):
-            try:
-                value = evaluate(value, position=node.position)
-            except CosimError as error:
-                self.problems.add(error)
-                return default
-        if not math.isfinite(value):
-            self.wrong(node, f"`{name}` must be finite, not {describe(node)}", "write a number", WrongValue)
-            return default
-        return float(value)
-
-    def positive(self, node: Node, name: str, default: float = 1.0) -> float:
-        """A number above zero."""
-        value = self.number(node, name, default)
-        if value <= 0:
-            self.wrong(node, f"`{name}` must be above zero, not {describe(node)}", "such as 0.001", WrongValue)
-            return default
-        return value
-
-    def count(self, node: Node, name: str, most: int = MOST) -> int:
-        """A whole number from one."""
-        value = self.number(node, name)
-        if value < 1 or value != round(value):
-            fix = "such as 1, 2, 3"
-            self.wrong(node, f"`{name}` must be a whole number from 1, not {describe(node)}", fix, WrongValue)
-            return 1
-        if value > most:
-            self.wrong(node, f"`{name}` cannot be {describe(node)}", f"at most {most}", TooLarge)
-            return 1
-        return round(value)
-
-    def endpoint(self, node: Node, name: str) -> bool:
-        """Whether the value has the form `block.port`, else a report."""
-        if isinstance(node.value, str):
-            block, port = endpoint(node.value)
-            if port and _BLOCK_NAME.fullmatch(block):
-                if node.value != f"{block}.{port}":
-                    message = f"`{name}` has spaces around the dot of `{node.value}`"
-                    self.wrong(node, message, f"write {block}.{port}", WrongValue)
-                return True
-        fix = "write block.port, such as plant.x"
-        self.wrong(node, f"`{name}` must have the form block.port, not {describe(node)}", fix, WrongValue)
-        return False
-
-    def endpoints(self, node: Node, name: str) -> list[Node]:
-        """One or several texts of the form `block.port`: those that are."""
-        nodes = node.value if isinstance(node.value, list) else [node]
-        return [n for n in nodes if self.endpoint(n, name)]
-
-    def block_name(self, name: str, node: Node) -> None:
-        """Report a name that no wire could be written to."""
-        if not _BLOCK_NAME.fullmatch(name):
-            fix = "letters, digits, _ and -, beginning with a letter"
-            self.problems.add(WrongValue(f"a block cannot be called `{name}`", node.place, fix))
-
-
-def endpoint(text: str) -> tuple[str, str]:
-    """The block and the port of `block.port`; a port's name may contain dots, a block's cannot."""
-    block, _, port = text.partition(".")
-    return block.strip(), port.strip()
-
-
-def multiple(value: float, step: float) -> int | None:
-    """How many whole steps a time is, within 1e-9 of it; None if it is no whole number of them, from 1 to 2**53."""
-    ratio = value / step if step else math.inf
-    if not 0.5 < ratio < 2**53:
-        return None
-    count = round(ratio)
-    return count if abs(ratio - count) <= 1e-9 * ratio else None

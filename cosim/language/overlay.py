@@ -8,10 +8,9 @@ dropped, which `cosim.language.swaps` lets nobody do in silence.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from cosim.errors import (
     CircularExtends,
@@ -25,7 +24,7 @@ from cosim.errors import (
     nearest,
 )
 from cosim.language import source
-from cosim.language.grammar import ANY, DIAGRAM, TYPES
+from cosim.language.keys import ANY, DIAGRAM, TYPES, Key
 from cosim.language.source import Node, describe
 
 MOST_LAYERS = 100
@@ -180,7 +179,7 @@ def set_value(tree: Node, path: str, value: Node, position: Position) -> Node:
 
 
 def _overlay(
-    node: Node, path: list[str], value: Node, grammar: dict[str, Any], position: Position, done: tuple[str, ...] = ()
+    node: Node, path: list[str], value: Node, grammar: Mapping[str, Key], position: Position, done: tuple[str, ...] = ()
 ) -> Node:
     """The layer that changes only what stands at the path below a node.
 
@@ -191,14 +190,15 @@ def _overlay(
     if isinstance(node.value, list):
         return _element(node, path, value, position, done)
     key, rest = _match(node, path, grammar, position, done)
-    below = grammar.get(ANY) or grammar.get(key, {})
+    declared = grammar.get(ANY) or grammar.get(key)
+    below = declared.below if declared else {}
     child = node.value.get(key) if isinstance(node.value, dict) else None
     child = child or Node({} if below else None, position)
     return _nested([key], _overlay(child, rest, value, below, position, (*done, key)), position)
 
 
 def _match(
-    node: Node, path: list[str], grammar: dict[str, Any], position: Position, done: tuple[str, ...]
+    node: Node, path: list[str], grammar: Mapping[str, Key], position: Position, done: tuple[str, ...]
 ) -> tuple[str, list[str]]:
     """The key that the path's beginning names, and the rest of the path. Keys may contain dots.
 
@@ -213,7 +213,7 @@ def _match(
     if not grammar:
         value = "nothing" if node.value is None else describe(node)
         raise UnknownSetting(f"`{where}` is {value} and has no `{path[0]}`", position, f"set `{where}` as a whole")
-    is_value_list = ANY in grammar and not grammar[ANY] and done[0] != "fleets"
+    is_value_list = ANY in grammar and not grammar[ANY].below and done[0] != "fleets"
     if is_value_list and not path[-1].isdecimal():
         return ".".join(path), []
     if ANY in grammar and len(path) == 1 and done[0] in ("blocks", "metrics"):

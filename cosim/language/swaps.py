@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from cosim.errors import DroppedValue, Problems
 from cosim.language.entry import SECTIONS, BlockEntry
+from cosim.language.keys import BLOCK, TYPES
 from cosim.language.source import Node
 
 
@@ -74,12 +75,12 @@ def swap_of(entry: BlockEntry, lost: list[Lost], defaults: list[str]) -> Swap:
 
 
 def _kept(entry: BlockEntry) -> list[str]:
-    keys = [k for k in ("period", "integrator", "inner_steps", "mode", "isolate") if getattr(entry, k)]
+    keys = [key for key in entry.settings if BLOCK[key].kinds != TYPES]
     sections = [(s, getattr(entry, s)) for s in (*SECTIONS, "ports")]
     names = [
         n if s in ("parameters", "inputs") else f"{s}.{n}" for s, e in sections for n, v in e.items() if v.inherited
     ]
-    return names + [k for k in keys if getattr(entry, k).inherited]
+    return names + [key for key in keys if entry.settings[key].inherited]
 
 
 def _type_name(kind: str, node: Node) -> str:

@@ -41,7 +41,7 @@ class _Sink(io.RawIOBase):
         return self.error is None and os.isatty(self._descriptor)
 
 
-class Output:
+class StandardOutput:
     """Whether standard output took what was printed."""
 
     def __init__(self, sink: _Sink | None) -> None:
@@ -57,7 +57,7 @@ class Output:
 
 
 @contextmanager
-def forgiving() -> Iterator[Output]:
+def forgiving() -> Iterator[StandardOutput]:
     """Inside, printing raises nothing. Streams that somebody else has put in their places are left alone."""
     own = {name: n for name, n in DESCRIPTORS.items() if getattr(sys, name) is getattr(sys, f"__{name}__")}
     before = {name: getattr(sys, name) for name in own}
@@ -72,7 +72,7 @@ def forgiving() -> Iterator[Output]:
         buffer = io.BufferedWriter(sink)
         setattr(sys, name, io.TextIOWrapper(buffer, encoding, errors, line_buffering=name == "stderr" or sink.isatty()))
     try:
-        yield Output(sinks.get("stdout"))
+        yield StandardOutput(sinks.get("stdout"))
     finally:
         for name, stream in before.items():
             getattr(sys, name).flush()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import PlotError
-from cosim.language.grammar import endpoint
+from cosim.language.reader import endpoint
 from cosim.plot import style
 from cosim.plot.plane import Body, bodies, read_beside, read_positions
 from cosim.results.result_file import Result

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
 from cosim.language import grammar, source
-from cosim.language.grammar import Reader
+from cosim.language.keys import ANY, ANYTHING, NUMBER, POSITIVE, TEXT, TRUTH, Key, choice, count, read_value
+from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import lines, plane, style
 from cosim.plot.distribution import Distribution
@@ -22,19 +22,46 @@ HEIGHTS = 0.5, 20.0
 """Inches of one panel: below, its labels do not fit; beyond, it fits no screen and no page."""
 MOST_CHANNELS = 6
 """A signal of more channels is no vector in space, and is drawn in one panel."""
-_VALUE: dict[str, Any] = {}
+_THRESHOLDS = Key("lines to compare with, by their words", below={ANY: Key("", NUMBER)})
 _KEYS = {
-    "lines": ("members", "columns", "height", "panels"),
-    "plane": ("members", "positions", "references", "radii", "at"),
-    "distribution": ("metric", "label", "limits", "thresholds"),
+    "lines": {
+        "members": Key("which runs it shows", ANYTHING),
+        "columns": Key("panels side by side", count()),
+        "height": Key("of one panel", POSITIVE, unit="in"),
+        "panels": Key("a list of panels", ANYTHING),
+    },
+    "plane": {
+        "members": Key("which runs it shows", ANYTHING),
+        "positions": Key("whose positions are drawn, block.port", ANYTHING),
+        "references": Key("what they follow, block.port", ANYTHING),
+        "radii": Key("of safe distances around them", ANYTHING),
+        "at": Key("the times at which they are marked", ANYTHING, unit="s"),
+    },
+    "distribution": {
+        "metric": Key("what is distributed", ANYTHING),
+        "label": Key("of its axis", TEXT),
+        "limits": Key("of its axis, [least, most]", ANYTHING),
+        "thresholds": _THRESHOLDS,
+    },
 }
 """What each kind of figure takes, beside what all take."""
-_FIGURE = dict.fromkeys(("kind", "caption", *(key for keys in _KEYS.values() for key in keys)), _VALUE)
-_FIGURE |= {"thresholds": {grammar.ANY: _VALUE}}
-_PANEL: dict[str, Any] = {
-    **dict.fromkeys(("signals", "label", "title", "over", "over_label", "names", "log", "derivative"), _VALUE),
-    **dict.fromkeys(("limits", "span"), _VALUE),
-    "thresholds": {grammar.ANY: _VALUE},
+FIGURE: dict[str, Key] = {
+    "kind": Key("of figure", choice(_KEYS)),
+    "caption": Key("what stands below it", TEXT),
+    **{name: key for keys in _KEYS.values() for name, key in keys.items()},
+}
+PANEL: dict[str, Key] = {
+    "signals": Key("what is drawn, block.port each", ANYTHING),
+    "label": Key("of the vertical axis", TEXT),
+    "title": Key("of the panel", TEXT),
+    "over": Key("the signal on the horizontal axis; none: time", TEXT),
+    "over_label": Key("of the horizontal axis", TEXT),
+    "names": Key("of the lines", ANYTHING),
+    "log": Key("whether the vertical axis is logarithmic", TRUTH),
+    "derivative": Key("whether derivatives are drawn", TRUTH),
+    "limits": Key("of the vertical axis, [least, most]", ANYTHING),
+    "span": Key("of the horizontal axis, [first, last]", ANYTHING),
+    "thresholds": _THRESHOLDS,
 }
 
 
@@ -80,7 +107,7 @@ def read(figures: Mapping[str, Node], problems: Problems) -> list[Figure]:
     """The figures of a study; every mistake goes to `problems`."""
     reader = Reader(problems)
     return [
-        _figure(name, grammar.conform(node, problems, _FIGURE, f"figures.{name}"), reader)
+        _figure(name, grammar.conform(node, problems, FIGURE, f"figures.{name}"), reader)
         for name, node in figures.items()
     ]
 
@@ -89,25 +116,16 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
     entries, where = node.value, f"figures.{name}"
     figure = Figure(name, node.place)
     if "caption" in entries:
-        figure.caption = reader.text(entries["caption"], f"{where}.caption")
+        figure.caption = read_value(FIGURE["caption"], entries["caption"], f"{where}.caption", reader) or ""
     figure.members = _texts(entries.get("members"), f"{where}.members", reader)
-    kind = reader.choice(entries["kind"], f"{where}.kind", _KEYS) if "kind" in entries else next(iter(_KEYS))
+    kind = (
+        read_value(FIGURE["kind"], entries["kind"], f"{where}.kind", reader) if "kind" in entries else next(iter(_KEYS))
+    )
     _refuse_foreign(entries, kind, where, reader)
     if "height" in entries:
         figure.height = _height(entries["height"], f"{where}.height", reader)
     if kind == "plane":
-        texts = {
-            k: reader.text(entries[k], f"{where}.{k}") for k in ("positions", "references", "radii") if k in entries
-        }
-        if not texts.get("positions"):
-            reader.missing(node, f"`{where}` has no `positions`", "write positions: plant.x")
-        at = _numbers(entries.get("at"), f"{where}.at", reader)
-        if "at" in entries and entries["at"].value == []:
-            reader.wrong(entries["at"], f"`{where}.at` is empty", "name times, such as [0, 10]", WrongValue)
-        if len(figure.members) > 1:
-            message = f"`{where}` shows bodies of one run, not of {len(figure.members)}"
-            reader.wrong(entries["members"], message, f"write members: {figure.members[0]}", WrongValue)
-        figure.plane = Plane(at=at, places=_places(entries), **{"positions": "", **texts})
+        figure.plane = _plane(node, figure.members, where, reader)
         return figure
     if kind == "distribution":
         if "metric" not in entries:
@@ -120,11 +138,25 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
         return figure
     figure.panels = [_panel(f"{where}.panels[{k}]", panel, reader) for k, panel in enumerate(panels)]
     if "columns" in entries:
-        figure.columns = reader.count(entries["columns"], f"{where}.columns")
+        figure.columns = read_value(FIGURE["columns"], entries["columns"], f"{where}.columns", reader)
         if figure.columns > len(panels):
             message = f"`{where}` has {figure.columns} columns for {len(panels)} panel{'s' if len(panels) > 1 else ''}"
             reader.wrong(entries["columns"], message, f"at most {len(panels)}", WrongValue)
     return figure
+
+
+def _plane(node: Node, members: list[str], where: str, reader: Reader) -> Plane:
+    entries = node.value
+    texts = {k: reader.text(entries[k], f"{where}.{k}") for k in ("positions", "references", "radii") if k in entries}
+    if not texts.get("positions"):
+        reader.missing(node, f"`{where}` has no `positions`", "write positions: plant.x")
+    at = _numbers(entries.get("at"), f"{where}.at", reader)
+    if "at" in entries and entries["at"].value == []:
+        reader.wrong(entries["at"], f"`{where}.at` is empty", "name times, such as [0, 10]", WrongValue)
+    if len(members) > 1:
+        message = f"`{where}` shows bodies of one run, not of {len(members)}"
+        reader.wrong(entries["members"], message, f"write members: {members[0]}", WrongValue)
+    return Plane(at=at, places=_places(entries), **{"positions": "", **texts})
 
 
 def _refuse_foreign(entries: Mapping[str, Node], kind: str, where: str, reader: Reader) -> None:
@@ -133,7 +165,7 @@ def _refuse_foreign(entries: Mapping[str, Node], kind: str, where: str, reader: 
         if key in ("kind", "caption", *_KEYS[kind]):
             continue
         other = next(name for name, keys in _KEYS.items() if key in keys)
-        in_panel = kind == "lines" and key in _PANEL
+        in_panel = kind == "lines" and key in PANEL
         fix = f"write it in a panel: panels: [{{{key}: …}}]" if in_panel else f"it goes with `kind: {other}`"
         message = f"`{where}` has no key `{key}`, as its kind is {kind}"
         reader.problems.add(UnknownKey(message, entries[key].place, fix))
@@ -165,16 +197,16 @@ def _thresholds(entries: dict[str, Node], where: str, reader: Reader) -> dict[st
 
 
 def _panel(where: str, node: Node, reader: Reader) -> Panel:
-    entries = grammar.conform(node, reader.problems, _PANEL, where).value
+    entries = grammar.conform(node, reader.problems, PANEL, where).value
     panel = Panel(_texts(entries.get("signals"), f"{where}.signals", reader))
     if "signals" not in entries:
         reader.missing(node, f"`{where}` has no `signals`", "write signals: plant.x")
     for key in ("label", "title", "over", "over_label"):
         if key in entries:
-            setattr(panel, key, reader.text(entries[key], f"{where}.{key}"))
+            setattr(panel, key, read_value(PANEL[key], entries[key], f"{where}.{key}", reader) or "")
     for key in ("log", "derivative"):
         if key in entries:
-            setattr(panel, key, reader.truth(entries[key], f"{where}.{key}"))
+            setattr(panel, key, read_value(PANEL[key], entries[key], f"{where}.{key}", reader))
     panel.names = _texts(entries.get("names"), f"{where}.names", reader)
     for key in ("limits", "span"):
         setattr(panel, key, _range(entries.get(key), f"{where}.{key}", reader))

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import PlotError
-from cosim.results.result_file import Result, Signal
+from cosim.results.recorded import Recorded
+from cosim.results.result_file import Result
 
 _ELEMENT = re.compile(r"(?P<name>[^\[\]]+)(\[(?P<index>[\d,\s:]+)\])?")
 
@@ -28,7 +29,7 @@ class Curve:
     unit: str
 
 
-def read(result: Result, text: str) -> tuple[Signal, np.ndarray]:
+def read(result: Result, text: str) -> tuple[Recorded, np.ndarray]:
     """A signal, or some of its elements, (k, *rest). Raises: PlotError, ResultError."""
     name, index = _parsed(result, text)
     values = result.read(name)

@@ -19,14 +19,14 @@ from cosim.machine import files
 from cosim.plot import distribution
 from cosim.plot.figures import Figure
 from cosim.report import words
-from cosim.results.result_file import versions
+from cosim.results.software_versions import versions
 from cosim.study import file_names, running, tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
 from cosim.study.executors import processors
 from cosim.study.member_run import Row
 from cosim.study.running import Results
-from cosim.study.tables import Table
+from cosim.study.tables import TextTable
 
 HEAD_BYTES = 4096  # of a page, in which it says what made it
 
@@ -99,7 +99,7 @@ def _section(results: Results, pictures: str) -> str:
     return "\n".join([*parts, "</section>"])
 
 
-def _table(table: Table) -> str:
+def _table(table: TextTable) -> str:
     head = "".join(f"<th>{escape(cell)}</th>" for cell in table.head)
     body = "\n".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
@@ -107,7 +107,7 @@ def _table(table: Table) -> str:
     return made + "".join(f"<p>{escape(note)}</p>" for note in table.notes)
 
 
-def _beside(results: Results, rows: list[Row]) -> Table:
+def _beside(results: Results, rows: list[Row]) -> TextTable:
     """Our figures beside those of the study's references."""
     origins = list(results.study.origins)
     lines = []
@@ -116,7 +116,7 @@ def _beside(results: Results, rows: list[Row]) -> Table:
         ours = item.ours
         ratios = [f"{ours / item.theirs[o]:.3g}" if ours is not None and item.theirs.get(o) else "" for o in origins]
         lines.append([item.variant, item.metric, "—" if ours is None else f"{ours:.3g}", *theirs, *ratios])
-    return Table("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
+    return TextTable("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
 
 
 def _pictures(results: Results, rows: list[Row], pictures: str) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.results.formatting import format_value
 from cosim.study.dataset import scalar
-from cosim.study.definition import Column, Question, Study
+from cosim.study.definition import Question, Study, TableColumn
 from cosim.study.member_run import Row
 from cosim.study.running import FAILED
 from cosim.study.tables import cell, heading, satisfies, with_statistic
@@ -40,10 +40,10 @@ class Compared:
 def compared(study: Study, rows: list[Row], reductions: Mapping[str, str]) -> list[Compared]:
     """Every figure that the study's references name, beside ours, reduced over all members of the variant."""
     found: dict[tuple[str, str], dict[str, float]] = {}
-    columns: dict[str, Column] = {}
+    columns: dict[str, TableColumn] = {}
     for item in study.references:
         metric = str(item.metric.value)
-        columns[metric] = with_statistic(Column(metric, item.metric), reductions)
+        columns[metric] = with_statistic(TableColumn(metric, item.metric), reductions)
         found.setdefault((item.variant, metric), {})[item.origin] = item.value
     members = {variant: [row for row in rows if row["variant"] == variant] for variant, _ in found}
     return [

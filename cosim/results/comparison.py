@@ -15,7 +15,8 @@ import numpy as np
 
 from cosim.errors import ResultError, WrongUnit
 from cosim.language import units
-from cosim.results.result_file import Result, Signal
+from cosim.results.recorded import Recorded
+from cosim.results.result_file import Result
 
 MOST = float(np.finfo(float).max)
 SPACING_TOLERANCE = 1e-6
@@ -221,7 +222,7 @@ def _tolerance(time: Any, spacing: float) -> Any:
     return np.minimum(np.maximum(rounding, SPACING_TOLERANCE * spacing), spacing / 4)
 
 
-def _compare_declared(result: Comparison, a: Signal, b: Signal) -> None:
+def _compare_declared(result: Comparison, a: Recorded, b: Recorded) -> None:
     if a.dtype != b.dtype:
         result.types[a.name] = str(a.dtype), str(b.dtype)
     if not _same_unit(a.unit, b.unit):

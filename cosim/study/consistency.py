@@ -154,7 +154,7 @@ def _shape(name: str, bases: Mapping[str, Network]) -> tuple[int, ...]:
     for network in bases.values():
         metric = network.diagram.metrics.get(name)
         if metric and metric.reduce == "final":
-            return network.shape(network.find(str(metric.signal.value), metric.signal.position))
+            return network.shape(network.reduced[name])
     return ()
 
 

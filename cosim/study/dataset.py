@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ResultError
-from cosim.results.result_file import NOT_A_VARIABLE, versions
+from cosim.results.netcdf_layout import NOT_A_VARIABLE
+from cosim.results.software_versions import versions
 from cosim.study.definition import Study
+from cosim.study.dotted_paths import short_name
 from cosim.study.member_run import Row
 from cosim.study.running import Results
-from cosim.study.study_file import short_name
 
 Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 
@@ -160,7 +161,7 @@ def _units(results: Results) -> dict[str, str]:
     for variant in results.study.variants:
         network = results.variants.base(variant)
         for name, metric in network.diagram.metrics.items():
-            unit = network.variable(network.find(str(metric.signal.value), metric.signal.position)).unit
+            unit = network.variable(network.reduced[name]).unit
             if isinstance(unit, str) and metric.reduce != "events":
                 units.setdefault(name, unit)
     return units

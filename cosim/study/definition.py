@@ -33,7 +33,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Axis:
+class GridAxis:
     """One axis of the grid: the dotted paths that take its values together."""
 
     name: str
@@ -94,7 +94,7 @@ class Random:
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
     statistic: one of STATISTICS, or a quantile from 0 to 1; None for that of OVER_RUNS. above, below: the share of runs
@@ -115,7 +115,7 @@ class TableLayout:
 
     title: str
     rows: tuple[str, ...]
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     transpose: bool
     node: Node
 
@@ -153,7 +153,7 @@ class Study:
     path: Path
     text: str
     variants: dict[str, Variant]
-    grid: tuple[Axis, ...] = ()
+    grid: tuple[GridAxis, ...] = ()
     random: Random | None = None
     metrics: tuple[Node, ...] | None = None
     added_metrics: Node | None = None

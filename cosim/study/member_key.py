@@ -20,9 +20,9 @@ import numpy as np
 
 from cosim.authoring.declaration import Declaration
 from cosim.authoring.variables import Dimension, Variable
-from cosim.compiling.fingerprint import fingerprint
-from cosim.engine.simulation import Kernels
-from cosim.engine.table import Table
+from cosim.compiling.fingerprint.text import fingerprint
+from cosim.engine.compilation import Kernels
+from cosim.engine.program import Program
 from cosim.errors import Position
 from cosim.language.diagram import Diagram, RunSettings
 from cosim.language.entry import BlockEntry
@@ -31,14 +31,15 @@ from cosim.wiring import conditions
 from cosim.wiring.network import Component, Network
 
 IGNORED: dict[type, set[str]] = {
-    Table: {"network", "arena"},  # walked beside it; the arena is each member's own
+    Program: {"network", "arena"}  # walked beside it; the arena is each member's own
+    | {"layout"},  # where things lie, which frames in the arena say
     Network: {"swaps"},  # what `cosim check` says
     Diagram: {"title", "path", "files", "extended", "unread", "swaps"}  # names and words
     | {"blocks", "inputs", "outputs"},  # what they are resolved to is in the components
     RunSettings: {"nodes"},  # what YAML says of the other fields
     Component: {"values"},  # each member's own
     BlockEntry: {"type"}  # a name; what stands behind it is fed instead
-    | {"per", "parameters", "start", "inputs", "dimensions", "period", "integrator", "inner_steps"}  # in the component
+    | {"parameters", "start", "inputs", "dimensions"}  # in the component
     | {"dropped", "unfit"},  # what is not there
     Declaration: {"doc", "foreign"}  # words; an FMU is fed by its content
     | {"home", "mistakes"}  # the class, whose functions are fed; with mistakes nothing runs
@@ -47,14 +48,14 @@ IGNORED: dict[type, set[str]] = {
 }
 """For each class the fields on which no figure depends, or that are in the key by another way."""
 
-_NO_FIGURES = ("commands", "plot", "report")
+_NO_FIGURES = ("plot", "report", "terminal")
 """The parts of this package that compute nothing of a row."""
 
 
-def structure(network: Network, table: Table, kernels: Kernels) -> bytes:
-    """The digest of all that members of one template share: the program, the network, the table, the kernels."""
-    digest = hashlib.sha256(program())
-    for part in (network, table):
+def structure(network: Network, program: Program, kernels: Kernels) -> bytes:
+    """The digest of all that members of one template share: the files, the network, its program, the kernels."""
+    digest = hashlib.sha256(own_files())
+    for part in (network, program):
         _feed(digest, part)
     modules = [module.meaning if module else "python" for module in (*kernels.modules.values(), kernels.loop)]
     _feed(digest, modules)
@@ -69,10 +70,10 @@ def structure(network: Network, table: Table, kernels: Kernels) -> bytes:
     return digest.digest()
 
 
-def key(shared: bytes, network: Network, table: Table) -> str:
+def key(shared: bytes, network: Network, program: Program) -> str:
     """The key of one member: what it shares with others (`structure`), and all its values."""
     digest = hashlib.sha256(shared)
-    digest.update(table.arena.tobytes())
+    digest.update(program.arena.tobytes())
     for component in network.components.values():
         for name, array in component.values.items():
             digest.update(name.encode())
@@ -81,8 +82,8 @@ def key(shared: bytes, network: Network, table: Table) -> str:
 
 
 @cache
-def program() -> bytes:
-    """The digest of the program itself, as its files are now: it may be edited where it is installed."""
+def own_files() -> bytes:
+    """The digest of this package itself, as its files are now: it may be edited where it is installed."""
     digest = hashlib.sha256(json.dumps([sys.version_info[:3], np.__version__]).encode())
     root = Path(__file__).parents[1]
     for path in sorted(root.rglob("*.py")):

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from cosim.engine.run import Outcome, Run
+from cosim.engine.outcome import Outcome
+from cosim.engine.run import Run
 from cosim.errors import CosimError, ResultError
 from cosim.results.metrics import for_json
 from cosim.results.result_file import open_result
@@ -62,7 +63,7 @@ def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepar
         network = variants.wire(member.variant, member.settings)
         _remove_damaged(file)
         return Run(network, output=file, attributes={MARK: prepared.key})
-    return Run(prepared.network, prepared=(prepared.table, prepared.kernels))
+    return Run(prepared.network, prepared=(prepared.program, prepared.kernels))
 
 
 def _remove_damaged(file: Path) -> None:

@@ -17,13 +17,13 @@ from cosim.language.source import Node
 from cosim.results.metrics import REDUCTIONS, reduction
 from cosim.study import file_names
 from cosim.study.dataset import metric_names, scalar
-from cosim.study.definition import OVER_RUNS, Column, Study, TableLayout
+from cosim.study.definition import OVER_RUNS, Study, TableColumn, TableLayout
 from cosim.study.member_run import Row
 from cosim.study.running import FAILED, Results
 
 
 @dataclass
-class Table:
+class TextTable:
     """A table as text, and its cells as numbers: values[row][column], None where there is none.
 
     notes: sentences to be read with it.
@@ -36,7 +36,7 @@ class Table:
     notes: list[str] = field(default_factory=list)
 
 
-def tables(results: Results) -> list[Table]:
+def tables(results: Results) -> list[TextTable]:
     """The study's tables; one of all metrics if it names none."""
     rows = list(results.rows())
     study, reductions = results.study, results.reductions
@@ -44,7 +44,7 @@ def tables(results: Results) -> list[Table]:
     return [_table(layout, study, rows, reductions) for layout in layouts]
 
 
-def write(results: Results, made: Sequence[Table]) -> None:
+def write(results: Results, made: Sequence[TextTable]) -> None:
     """Write each table as CSV, with all digits, and as Markdown, beside the study's data set. Raises: ResultError."""
     for table in made:
         path = results.folder / f"{file_names.stem(table.title)}.md"
@@ -62,7 +62,7 @@ def write(results: Results, made: Sequence[Table]) -> None:
             raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
 
 
-def markdown(table: Table) -> str:
+def markdown(table: TextTable) -> str:
     """The table in Markdown."""
     text = io.StringIO()
     lines = [table.head, ["---"] * len(table.head), *table.rows]
@@ -76,12 +76,12 @@ def markdown(table: Table) -> str:
 
 def _default(study: Study, rows: list[Row]) -> TableLayout:
     place = next(iter(study.variants.values())).diagram_position
-    columns = tuple(Column(name, Node(name, place)) for name in metric_names(rows))
+    columns = tuple(TableColumn(name, Node(name, place)) for name in metric_names(rows))
     dimensions = tuple(d for d in study.dimensions if d != "draw")
     return TableLayout(study.title, dimensions, columns, False, Node({}, place))
 
 
-def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mapping[str, str]) -> Table:
+def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mapping[str, str]) -> TextTable:
     columns = [with_statistic(column, reductions) for column in layout.columns or _default(study, rows).columns]
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
@@ -95,11 +95,11 @@ def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mappi
     notes = [*_notes(rows, several), *_arrays(columns, rows)]
     if not layout.transpose:
         lines = [[*own, *line] for own, line in zip(labels, texts, strict=True)]
-        return Table(layout.title, head, lines, values, notes)
+        return TextTable(layout.title, head, lines, values, notes)
     across = [", ".join(own) for own in labels]
     lines = [[text, *(line[k] for line in texts)] for k, text in enumerate(headings)]
     turned = [[line[k] for line in values] for k in range(len(columns))]
-    return Table(layout.title, ["", *across], lines, turned, notes)
+    return TextTable(layout.title, ["", *across], lines, turned, notes)
 
 
 def _notes(rows: list[Row], several: bool) -> list[str]:
@@ -111,7 +111,7 @@ def _notes(rows: list[Row], several: bool) -> list[str]:
     return [f"{lost} of {len(rows)} runs did not come to their end: figures are of the time until then{shares}."]
 
 
-def _arrays(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
+def _arrays(columns: Sequence[TableColumn], rows: Sequence[Row]) -> list[str]:
     """What a reader has to know of figures that a cell has no room for."""
     for_all = dict.fromkeys(str(column.metric.value) for column in columns)
     values = {name: [row["metrics"].get(name) for row in rows] for name in for_all}
@@ -119,14 +119,14 @@ def _arrays(columns: Sequence[Column], rows: Sequence[Row]) -> list[str]:
     return [f"Arrays, which `study.nc` alone holds: {', '.join(arrays)}."] if arrays else []
 
 
-def with_statistic(column: Column, reductions: Mapping[str, str]) -> Column:
+def with_statistic(column: TableColumn, reductions: Mapping[str, str]) -> TableColumn:
     """The column with the statistic that its metric has if nothing is said: a minimum is reduced by the minimum."""
     if column.statistic is not None:
         return column
     return replace(column, statistic=OVER_RUNS[reductions[str(column.metric.value)]])
 
 
-def heading(column: Column) -> str:
+def heading(column: TableColumn) -> str:
     """A column's heading with the name of its statistic, unless it says it already."""
     if column.above is not None or column.below is not None:
         name = "share"
@@ -138,7 +138,7 @@ def heading(column: Column) -> str:
     return column.heading if name in words else f"{column.heading}, {name}"
 
 
-def cell(column: Column, rows: list[Row]) -> float | None:
+def cell(column: TableColumn, rows: list[Row]) -> float | None:
     """A column's figure over some members; a share counts all of them, a statistic those that have the metric.
 
     None if none has it. A NaN among them makes every statistic NaN, as in a run.
@@ -195,5 +195,5 @@ def _at(study: Study, row: Row, dimension: str) -> Any:
     return row["grid"][[axis.name for axis in study.grid].index(dimension)]
 
 
-def _text(value: float | None, column: Column) -> str:
+def _text(value: float | None, column: TableColumn) -> str:
     return "—" if value is None else format(value, column.format)

@@ -1,6 +1,6 @@
 """Wires each structure of a study once, and gives its members their values without wiring again.
 
-Members with the same variant, the same structural settings and values of the same shapes share a `Template`: a table
+Members with the same variant, the same structural settings and values of the same shapes share a `Template`: a program
 whose arena is copied and given other numbers. Everything else goes through the diagram's own rules for layers.
 """
 
@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from cosim.authoring.variables import Input, Parameter, State
-from cosim.engine import simulation, table
-from cosim.engine.simulation import Kernels, Simulation
-from cosim.engine.table import Table
+from cosim.engine import compilation, program
+from cosim.engine.compilation import Kernels
+from cosim.engine.program import Program
+from cosim.engine.simulation import Simulation
 from cosim.errors import (
     CosimError,
     DiagramErrors,
@@ -38,7 +39,8 @@ from cosim.study.definition import Draw, Study, Variant
 from cosim.study.draws import Draws
 from cosim.study.plan import Member
 from cosim.wiring import resolution
-from cosim.wiring.resolution import Network, Signal
+from cosim.wiring.network import Network, Signal
+from cosim.wiring.revaluing import revalue
 
 Settings = tuple[tuple[str, Any], ...]
 
@@ -54,17 +56,17 @@ class Address:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A member ready to run; the table is its own, the kernels are everybody's. shared: as of `key.structure`."""
+    """A member ready to run; the program is its own, the kernels are everybody's. shared: as of `key.structure`."""
 
     network: Network
-    table: Table
+    program: Program
     kernels: Kernels
     shared: bytes
 
     @property
     def key(self) -> str:
         """What its result depends on, as a digest."""
-        return member_key.key(self.shared, self.network, self.table)
+        return member_key.key(self.shared, self.network, self.program)
 
 
 class Template:
@@ -72,12 +74,12 @@ class Template:
 
     def __init__(self, network: Network) -> None:
         self.network = network
-        self.table = table.build(network, network.diagram.run.method)
-        self.kernels = simulation.compile_table(self.table)
+        self.program = program.build(network, network.diagram.run.method)
+        self.kernels = compilation.compile_program(self.program)
         for module in (*self.kernels.modules.values(), self.kernels.loop):
             if module:
                 module.load()  # here, where no other thread is loading
-        self.shared = member_key.structure(network, self.table, self.kernels)
+        self.shared = member_key.structure(network, self.program, self.kernels)
 
     def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
         """With other values, of the shapes that the template was wired with. Raises: DiagramErrors, ExpressionError."""
@@ -89,8 +91,8 @@ class Template:
                 new = as_node(value, positions[path])
                 contents[address.signal] = _with_element(before, address.indices, new) if address.indices else new
         values = {signal: Value.read(node, str(signal)) for signal, node in contents.items()}
-        network = resolution.revalue(self.network, values)
-        return Prepared(network, self.table.revalued(network, values), self.kernels, self.shared)
+        network = revalue(self.network, values)
+        return Prepared(network, self.program.revalued(network, values), self.kernels, self.shared)
 
 
 class Variants:
@@ -174,7 +176,7 @@ class Variants:
         return Draws(random, shapes, accepts)
 
     def prepared(self, member: Member) -> Prepared:
-        """A member's table. Raises: DiagramErrors, KernelError."""
+        """A member's program. Raises: DiagramErrors, KernelError."""
         base = self.base(member.variant)
         values = tuple((path, value) for path, value in member.settings if address_of(base, path))
         structure = [pair for pair in member.settings if pair not in values]
@@ -269,9 +271,9 @@ class _Beginnings:
         """A simulation of that member at time zero. Raises: BlockFailed."""
         key = id(prepared.kernels)
         if has_foreign(prepared.network) or key not in self._simulations:
-            self._simulations[key] = Simulation(prepared.table, prepared.kernels)
+            self._simulations[key] = Simulation(prepared.program, prepared.kernels)
         simulation = self._simulations[key]
-        simulation.arena[:] = prepared.table.arena
+        simulation.arena[:] = prepared.program.arena
         simulation.initialize()
         simulation.close()
         return simulation

@@ -14,7 +14,7 @@ from pathlib import Path
 import cosim
 from cosim.errors import CosimError, Position, UsageError
 from cosim.machine import interruption, streams
-from cosim.terminal import notices
+from cosim.terminal import notice_printer
 from cosim.terminal.exits import BAD_INPUT, BY_SIGNAL, DONE, MEANINGS, STOPPED
 from cosim.terminal.usage import Parser
 
@@ -22,6 +22,7 @@ COMMANDS = {
     "run": "run a diagram and print its metrics",
     "check": "validate a diagram without running it",
     "blocks": "list the blocks, or show one",
+    "keys": "list what may be written in a diagram or a study",
     "export": "write blocks of a diagram as an FMU",
     "fmu": "show what an FMU file is",
     "study": "run many variants, grid points and random draws of a diagram",
@@ -34,7 +35,7 @@ COMMANDS = {
 def main(arguments: list[str] | None = None) -> int:
     """Entry point. Returns the exit code, as of `cosim.terminal.exits`."""
     began = time.perf_counter()
-    with streams.forgiving() as output, notices.printed():
+    with streams.forgiving() as output, notice_printer.printed():
         if not faulthandler.is_enabled():
             faulthandler.enable(file=streams.DESCRIPTORS["stderr"])
         code = _run(sys.argv[1:] if arguments is None else arguments, began)

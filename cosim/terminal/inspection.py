@@ -14,7 +14,7 @@ from cosim.language.source import Node
 from cosim.terminal.screen import TIED, print_rows, print_warnings, print_wrapped, say
 from cosim.wiring import library
 from cosim.wiring.network import Network
-from cosim.wiring.overview import Overview, Part, Wired, describe
+from cosim.wiring.overview import ComponentOverview, Overview, Wired, describe
 
 VERDICTS = {True: "holds", False: "FAILS", None: "open "}
 TEXT_COLUMN = 9
@@ -57,7 +57,7 @@ def _print_conditions(overview: Overview) -> None:
         print_wrapped(f"  run    {said}", TEXT_COLUMN)
 
 
-def _row(part: Part) -> list[str]:
+def _row(part: ComponentOverview) -> list[str]:
     wires = [f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}" for w in part.wires]
     return [part.name, part.type if part.count is None else f"{part.count} × {part.type}", "; ".join(wires)]
 

@@ -8,19 +8,19 @@ import time
 from typing import IO, Any
 
 from cosim.results.formatting import format_duration
-from cosim.study.tables import Table
+from cosim.study.tables import TextTable
 from cosim.terminal.screen import CONTROLS, PATIENCE, print_table
 
 
-def show(table: Table, file: IO[str] | None = None) -> None:
+def show(table: TextTable, file: IO[str] | None = None) -> None:
     """Print a table to standard output, or to `file`."""
     from rich import box
     from rich.console import Console
-    from rich.table import Table as RichTable
+    from rich.table import Table
 
     console = Console(file=file or sys.stdout, highlight=False, markup=False, emoji=False)
     plain = not console.encoding.startswith("utf")
-    made = RichTable(
+    made = Table(
         title=table.title.translate(CONTROLS) or None,
         title_justify="left",
         box=None if plain else box.SIMPLE_HEAD,

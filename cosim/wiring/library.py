@@ -6,39 +6,29 @@ are imported, and the block classes that they define are known by their names.
 
 from __future__ import annotations
 
-import ast
-import hashlib
 import importlib
-import importlib.util
-import linecache
 import os
 import pkgutil
-import sys
-import traceback
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 
-from cosim.authoring.author_source import place_of, shown
 from cosim.authoring.block import Block, mistakes_wait
 from cosim.errors import (
     AmbiguousBlock,
-    BlockImportError,
     CosimError,
-    DeclarationError,
     DiagramErrors,
-    Position,
-    Problems,
     UnknownBlock,
     WrongValue,
     nearest,
 )
 from cosim.language import source
 from cosim.language.entry import BlockEntry
-from cosim.machine import importing, installed
+from cosim.machine import importing
+from cosim.wiring.block_files import import_file
+from cosim.wiring.block_modules import block_classes, find_spec, import_error
 
 GROUP = "cosim.blocks"
 
@@ -64,106 +54,6 @@ def all_blocks() -> dict[str, type[Block]]:
 def broken() -> list[CosimError]:
     """What keeps modules of the installed libraries from being imported."""
     return list(_libraries()[1])
-
-
-def import_file(path: Path) -> ModuleType:
-    """The module that a Python file is; imported once, and again if it or a file that it imports changes.
-
-    It may import modules of its own folder, which other files do not see.
-    Raises: MissingFile, BlockImportError, DeclarationError (both at the line of the Python file).
-    """
-    content = source.read_bytes(path)
-    real = path.resolve()
-    known = _files.get(real)
-    if known and all(_has_content(file, before) for file, before in known[0].items()):
-        return known[1]
-    _forget_changed(known[0] if known else {})
-    name = f"cosim_file_{real.stem}_{hashlib.sha256(str(real).encode()).hexdigest()[:8]}"
-    spec = importlib.util.spec_from_file_location(name, real)
-    assert spec and spec.loader
-    module = importlib.util.module_from_spec(spec)
-    linecache.checkcache(str(real))
-    previous = sys.modules.get(name)
-    sys.modules[name] = module
-    before, beside = set(sys.modules), {}
-    problems = Problems()
-    try:
-        with _siblings(real.parent):
-            try:
-                tree = ast.parse(content, str(real))
-                with importing.guarded(f"`{path}`"), mistakes_wait():
-                    exec(compile(tree, str(real), "exec", dont_inherit=True), module.__dict__)
-            except (Exception, SystemExit, importing.Stuck) as error:
-                problems.add(_import_error(error, path, str(real.parent)))
-            else:
-                for twice in _classes_twice(tree, str(real)):
-                    problems.add(twice)
-            for mistake in _mistakes(module, real.parent):
-                problems.add(mistake)
-            _imported.update(n for n in set(sys.modules) - before if installed.package(n) != "cosim")
-            beside = _beside(real.parent)
-        problems.raise_one_or_all()
-    except BaseException:
-        if previous:
-            sys.modules[name] = previous
-        else:
-            del sys.modules[name]
-        raise
-    _files[real] = ({**beside, real: content}, module)
-    return module
-
-
-_imported: set[str] = set()
-"""The names of all modules that were imported for block files."""
-_files: dict[Path, tuple[dict[Path, bytes], ModuleType]] = {}
-"""The modules that Python files are, each with the content of all files of its folder that were imported for it."""
-
-
-def _beside(folder: Path) -> dict[Path, bytes]:
-    """The authors' own modules in a folder that block files have imported, with their content."""
-    files = {name: Path(getattr(sys.modules.get(name), "__file__", None) or "") for name in _imported}
-    own = (
-        f for name, f in files.items() if folder in f.parents and not installed.text(installed.package(name), str(f))
-    )
-    return {file: file.read_bytes() for file in own if file.is_file()}
-
-
-def _has_content(file: Path, content: bytes) -> bool:
-    try:
-        return file.read_bytes() == content
-    except OSError:
-        return False
-
-
-def _forget_changed(files: Mapping[Path, bytes]) -> None:
-    """Have those files imported anew that block files imported with another content."""
-    changed = {str(file) for file, content in files.items() if not _has_content(file, content)}
-    for name in _imported & set(sys.modules):
-        if getattr(sys.modules[name], "__file__", None) in changed:
-            del sys.modules[name]
-
-
-def _mistakes(module: ModuleType, folder: Path) -> Iterator[CosimError]:
-    """Every mistake in the blocks of a file and of those of its folder that it uses."""
-    from cosim.authoring import authors
-
-    for block in _block_classes(module):
-        home = sys.modules.get(block.__module__)
-        if home is module or (home and _is_inside(home, folder)):
-            yield from block.declaration.mistakes
-            yield from authors.mistakes(block.declaration)
-
-
-def _classes_twice(tree: ast.Module, file: str) -> Iterator[DeclarationError]:
-    """Classes of a file that a later one of the same name replaces."""
-    first: set[str] = set()
-    for statement in tree.body:
-        if not isinstance(statement, ast.ClassDef):
-            continue
-        if statement.name in first:
-            what = f"class {statement.name} is defined twice, and the first definition is lost"
-            yield DeclarationError(what, place_of(file, statement), "give one of them another name")
-        first.add(statement.name)
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:
@@ -219,11 +109,11 @@ def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
         with importing.guarded(f"`{name}`"), mistakes_wait():
             module = importlib.import_module(name)
     except (Exception, SystemExit, importing.Stuck) as error:
-        spec = _spec(name)
+        spec = find_spec(name)
         file = Path(os.path.relpath(spec.origin)) if spec and spec.origin else Path(name)
-        errors.append(_import_error(error, file, str(file.resolve().parent)))
+        errors.append(import_error(error, file, str(file.resolve().parent)))
         return
-    own = [block for block in _block_classes(module) if block.__module__ == name]
+    own = [block for block in block_classes(module) if block.__module__ == name]
     wrong = [mistake for block in own for mistake in block.declaration.mistakes]
     errors.extend(wrong)
     if not wrong:
@@ -236,65 +126,7 @@ def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
 def _classes(module: ModuleType, package: str) -> Iterator[type[Block]]:
     """A module's public block classes; with a package, those only that are defined in it."""
     inside = f"{package}." if package else ""
-    known = [block for block in _block_classes(module) if f"{block.__module__}.".startswith(inside)]
+    known = [block for block in block_classes(module) if f"{block.__module__}.".startswith(inside)]
     for name, member in vars(module).items():
         if isinstance(member, type) and member in known and not name.startswith("_"):
             yield member
-
-
-def _block_classes(module: ModuleType) -> list[type[Block]]:
-    """All block classes that a module knows, private ones too."""
-    members = [m for m in vars(module).values() if isinstance(m, type) and issubclass(m, Block)]
-    return [m for m in dict.fromkeys(members) if m.__module__ != Block.__module__]
-
-
-def _import_error(error: BaseException, path: Path, folder: str) -> CosimError:
-    """The error at the innermost line that stands in the file's folder."""
-    if isinstance(error, SyntaxError) and error.filename and error.filename.startswith(folder):
-        line, column, file = error.lineno or 0, error.offset or 0, Path(error.filename)
-        text = error.msg
-    else:
-        frames = [f for f in traceback.extract_tb(error.__traceback__) if f.filename.startswith(folder)]
-        line, column = (frames[-1].lineno or 0, (frames[-1].colno or 0) + 1) if frames else (0, 0)
-        file = Path(frames[-1].filename) if frames else path
-        text = str(error) if isinstance(error, importing.Stuck) else f"{type(error).__name__}: {error}"
-    place = Position(shown(str(file.resolve())), line, column)
-    if isinstance(error, CosimError):
-        error.position = error.position or place
-        return error
-    return BlockImportError(f"`{path}` cannot be imported: {text}", place, "correct the Python file")
-
-
-@contextmanager
-def _siblings(folder: Path) -> Iterator[None]:
-    """Let imports find modules in a folder; afterwards forget those that nothing else could have found.
-
-    Their bytecode is not kept: Python would take it for that of a file changed within the same second.
-    """
-    before, writes = set(sys.modules), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True
-    sys.path.insert(0, str(folder))
-    importlib.invalidate_caches()
-    try:
-        yield
-    finally:
-        sys.dont_write_bytecode = writes
-        sys.path.remove(str(folder))
-        inside = [name for name in set(sys.modules) - before if _is_inside(sys.modules[name], folder)]
-        found = {name: sys.modules.pop(name) for name in inside}
-        for name, module in found.items():
-            if _spec(name.partition(".")[0]):
-                sys.modules[name] = module
-
-
-def _is_inside(module: ModuleType, folder: Path) -> bool:
-    spec = getattr(module, "__spec__", None)
-    file = spec.origin if spec else None
-    return bool(file) and not module.__name__.startswith("cosim_file_") and folder in Path(str(file)).resolve().parents
-
-
-def _spec(name: str) -> importlib.machinery.ModuleSpec | None:
-    try:
-        return importlib.util.find_spec(name)
-    except (ImportError, ValueError, AttributeError):
-        return None

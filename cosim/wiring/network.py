@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -11,8 +12,9 @@ import numpy as np
 from cosim.authoring.declaration import Declaration
 from cosim.authoring.variables import Input, Variable
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
+from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import BlockEntry, Diagram
-from cosim.language.grammar import endpoint
+from cosim.language.reader import endpoint
 from cosim.language.swaps import Swap
 
 
@@ -58,6 +60,14 @@ class Signal:
         return f"{self.component}.{self.variable}" + (f"[{members}]" if members else "")
 
 
+def port_and_members(text: str) -> tuple[str, tuple[int, int] | int | None]:
+    """A port's name, and the members that a wire takes: `u[1..5]`, or `u[6]` for one without the axis."""
+    match = re.fullmatch(r"(.+)\[(\d+)(?:\.\.(\d+))?\]", text)
+    if not match or not 1 <= int(match[2]) <= int(match[3] or match[2]):
+        return text, None
+    return match[1], (int(match[2]), int(match[3])) if match[3] else int(match[2])
+
+
 @dataclass
 class Finding:
     """Something worth knowing of a valid diagram: a theorem's condition, a delay that a swap brings.
@@ -96,8 +106,13 @@ class Component:
     given: set[str] = field(default_factory=set)
     wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
     every: int = 1
-    method: str = "euler"
+    integrator: str = "euler"
     inner_steps: int = 1
+
+    @property
+    def takes_one_euler_step(self) -> bool:
+        """Whether its continuous states take the communication step at once, by their derivatives at its begin."""
+        return INTEGRATORS[self.integrator].count == 1 and self.inner_steps == 1
 
     def shape(self, variable: Variable) -> tuple[int, ...]:
         """The shape of a variable in one instance."""
@@ -125,14 +140,31 @@ class Component:
         return {name: self.axes[name].size for name in names if self.axes[name].fleet is None}
 
 
+@dataclass(frozen=True)
+class Task:
+    """One function of one component, or (function "") the joining of the sources of one of its inputs."""
+
+    component: str
+    function: str
+    port: str = ""
+
+
 @dataclass
 class Network:
-    """A resolved diagram. unchecked: blocks that are left out, as their code was not to be run."""
+    """A resolved diagram. unchecked: blocks that are left out, as their code was not to be run.
+
+    recorded: what is written to the result; reduced: the signal of each metric, by the metric's name.
+    initial, evaluation: the order of what is done at time zero, and at every communication point; see `order`.
+    """
 
     diagram: Diagram
     components: dict[str, Component]
     swaps: list[Swap] = field(default_factory=list)
     unchecked: list[str] = field(default_factory=list)
+    recorded: tuple[Signal, ...] = ()
+    reduced: dict[str, Signal] = field(default_factory=dict)
+    initial: tuple[Task, ...] = ()
+    evaluation: tuple[Task, ...] = ()
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""

@@ -8,26 +8,22 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING
 
 from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Input, State
 from cosim.errors import AlgebraicLoop, DiagramErrors
-from cosim.wiring.network import Component, Network, Signal
+from cosim.wiring.network import Component, Network, Signal, Task
 
 if TYPE_CHECKING:
     import networkx
 
 
-@dataclass(frozen=True)
-class Task:
-    """One function of one component, or (function "") the joining of the sources of one of its inputs."""
-
-    component: str
-    function: str
-    port: str = ""
+def ordered(network: Network) -> Network:
+    """The network with its orders. Raises: DiagramErrors with every AlgebraicLoop."""
+    return replace(network, initial=tuple(initial_order(network)), evaluation=tuple(evaluation_order(network)))
 
 
 def evaluation_order(network: Network) -> list[Task]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cosim.errors import CosimError
+from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import Diagram
 from cosim.language.swaps import Swap
-from cosim.wiring import conditions, order, windows
+from cosim.wiring import conditions, windows
 from cosim.wiring.network import Component, Finding, Network
 
 
@@ -24,7 +25,7 @@ class Wired:
 
 
 @dataclass(frozen=True)
-class Part:
+class ComponentOverview:
     """A component: its name, its block type, how many there are of it (None: it is of no fleet), its wires."""
 
     name: str
@@ -54,7 +55,7 @@ class Overview:
     diagram: Diagram
     first_order: bool
     swaps: tuple[Swap, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[ComponentOverview, ...]
     unchecked: dict[str, str]
     order: tuple[str, ...]
     findings: tuple[Finding, ...]
@@ -75,9 +76,7 @@ def describe(network: Network) -> Overview:
         swaps=tuple(network.swaps),
         parts=tuple(_part(network, component) for component in network.components.values()),
         unchecked={name: str(network.diagram.blocks[name].path) for name in network.unchecked},
-        order=tuple(f"{t.component}.{t.function}" for t in order.evaluation_order(network) if t.function)
-        if whole
-        else (),
+        order=tuple(f"{t.component}.{t.function}" for t in network.evaluation if t.function) if whole else (),
         findings=tuple(findings),
         open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
         warnings=(*warnings, *broken),
@@ -85,16 +84,20 @@ def describe(network: Network) -> Overview:
 
 
 def _higher_order(network: Network) -> bool:
-    """Whether a block that reads others is integrated by a method of an order above one."""
-    return any(c.method != "euler" and c.wires and c.declaration.continuous() for c in network.components.values())
+    """Whether a block that reads others is integrated to an order above one."""
+    return any(
+        INTEGRATORS[c.integrator].order > 1 and c.wires and c.declaration.continuous()
+        for c in network.components.values()
+    )
 
 
-def _part(network: Network, component: Component) -> Part:
+def _part(network: Network, component: Component) -> ComponentOverview:
     wires = [
         Wired(port, tuple(map(str, sources)), _dealt(network, component, port))
         for port, sources in component.wires.items()
     ]
-    return Part(component.name, component.declaration.name, component.count if component.fleet else None, tuple(wires))
+    count = component.count if component.fleet else None
+    return ComponentOverview(component.name, component.declaration.name, count, tuple(wires))
 
 
 def _dealt(network: Network, component: Component, port: str) -> tuple[str, ...]:

@@ -44,10 +44,9 @@ def settle(entry: BlockEntry, declaration: Declaration, problems: Problems, code
         **dict.fromkeys(("integrator", "inner_steps"), declaration.continuous()),
     }
     for key, needed in needs.items():
-        node = getattr(entry, key)
+        node = entry.settings.get(key)
         if node and node.inherited and not needed:
-            entry.unfit[key] = node
-            setattr(entry, key, None)
+            entry.unfit[key] = entry.settings.pop(key)
     lost = [*other, *take_out(entry, names)]
     if lost:
         problems.add(dropped(entry, lost, _offers(entry, lost, known, before)))

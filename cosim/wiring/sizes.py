@@ -34,7 +34,7 @@ def fit(components: Iterable[Component], problems: Problems) -> bool:
         f"the run needs {text(needed)} of memory, and there are {text(there)}; "
         f"block {component.name}: `{variable.name}` ({shape}) alone takes {text(COPIES * size)}"
     )
-    place = component.entry.per.position if component.entry.per else component.entry.position
+    place = component.entry.settings.get("per", component.entry.type).position
     fix = f"a smaller fleet `{component.fleet}`" if component.fleet else "smaller dimensions"
     problems.add(TooLarge(message, place, fix))
     return False

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from cosim.authoring.variables import State
 from cosim.errors import CosimError, DiagramErrors, MetricError, Problems, WrongValue, nearest
 from cosim.language.diagram import Diagram, MetricEntry
-from cosim.language.grammar import endpoint
 from cosim.results import metrics as reductions
 from cosim.results.metrics import Events, Reduction
 from cosim.wiring.network import Network, Signal
@@ -22,9 +21,9 @@ def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list
     """
     problems, found = Problems(), {}
     for name, metric in network.diagram.metrics.items():
-        if endpoint(str(metric.signal.value))[0] in network.unchecked:
+        if name not in network.reduced:  # its block is not checked, or a mistake that is told
             continue
-        signal = network.find(str(metric.signal.value), metric.signal.position)
+        signal = network.reduced[name]
         variable = network.variable(signal)
         start, stop = metric.start or None, metric.stop if math.isfinite(metric.stop) else None
         try:
@@ -91,7 +90,7 @@ def _cut(network: Network, found: Mapping[str, tuple[Signal, Reduction]]) -> Ite
             continue
         yield WrongValue(f"no block is `per: {name}`, so the fleet `{name}` changes nothing", None, nearest(name, used))
     for component in network.components.values():
-        period = component.entry.period
+        period = component.entry.settings.get("period")
         if period and float(period.value) > run.stop * (1 + 1e-9):
             message = (
                 f"block {component.name}: its period of {period.value:g} s is longer than the run: it is sampled once"

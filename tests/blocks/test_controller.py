@@ -39,10 +39,10 @@ def test_control_law():
     neighbours = np.array([[1, 2, -1], [0, -1, -1], [0, 3, 4], [-1, -1, -1], [1, 3, -1]], np.int32)
     weights = np.where(neighbours >= 0, rng.uniform(0, 1, neighbours.shape), 0.0)
     lambda_, b, c = rng.uniform(1, 3, robots), rng.uniform(0, 2, robots), 2.5
-    delta_x, delta_v, e_x, e_v, s_hat, u = np.ones((6, robots, n))
+    delta_x, delta_v, e_x, e_v, s_hat, gu, u = np.ones((7, robots, n))
     SlidingModeController.outputs(
         *(x, x_d, v_hat, w_hat, xi_2, xi_3, F, g_inverse, neighbours, weights, c, lambda_, b),
-        *(delta_x, delta_v, e_x, e_v, s_hat, u),
+        *(delta_x, delta_v, e_x, e_v, s_hat, gu, u),
     )
     pinned = laplacian(neighbours, weights) + np.diag(b)
     slope = lambda_[:, np.newaxis]
@@ -51,6 +51,7 @@ def test_control_law():
     expected_s = pinned @ (v_hat - xi_2) + slope * (pinned @ (x - x_d))
     np.testing.assert_allclose(s_hat, expected_s, rtol=1e-11)
     expected_a = -c * expected_s - w_hat - slope * (v_hat - xi_2) - (x - x_d) + xi_3 + F
+    np.testing.assert_allclose(gu, expected_a, rtol=1e-11, atol=1e-12)
     np.testing.assert_allclose(u, np.einsum("ikq,iq->ik", g_inverse, expected_a), rtol=1e-11, atol=1e-12)
 
 

@@ -46,7 +46,7 @@ def test_formation_errors():
     x, v, x_d, dx_d, s_hat = rng.normal(size=(5, 3, 3))
     neighbours, weights = np.array([[1, 2], [2, -1], [0, -1]], np.int32), np.array([[1, 0.2], [1, 0], [1, 0.0]])
     lambda_, b = np.array([2.0, 3.0, 1.0]), np.array([2.0, 0.0, 1.0])
-    work, found = np.zeros((2, 3, 3)), np.zeros((4, 1))
+    work, found = np.zeros((5, 3, 3)), np.zeros((4, 1))
     FormationErrors.outputs(x, v, x_d, dx_d, s_hat, neighbours, weights, lambda_, b, *work, *found)
     pinned = np.array([[1.2 + 2, -1, -0.2], [0, 1, -1], [-1, 0, 1 + 1]])
     e_x = pinned @ (x - x_d)
@@ -63,9 +63,9 @@ def separation(x, radii, capacity=50):
 def measure(time, x, radii, listed):
     """The smallest gap, the table of collisions, and how many pairs have no row; `listed` gets the new ones."""
     robots = len(x)
-    cells, work = np.zeros((robots, 2), np.int64), np.zeros((3, robots), np.int64)
+    grid = np.zeros((robots, cell_grid.FIELDS), np.int64)
     collisions, min_gap, unlisted = np.full_like(listed, 99.0), np.zeros(1), np.zeros(1, np.int64)
-    Separation.outputs(time, x, radii, listed, cells, *work, min_gap, unlisted, collisions)
+    Separation.outputs(time, x, radii, listed, grid, min_gap, unlisted, collisions)
     Separation.update(collisions, listed)
     assert np.array_equal(collisions, listed, equal_nan=True)
     return min_gap[0], collisions, unlisted[0]
@@ -216,7 +216,7 @@ def test_topology_rate(seed):
     x, v, h = rng.uniform(-1, 1, (6, 3)), rng.normal(size=(6, 3)), 1e-6
     hears = np.array([[4, 0], [3, 5], [1, 0], [5, 0], [6, 0], [2, 1]], np.int32)
     neighbours, weights = np.zeros((6, 8), np.int32), np.zeros((6, 8))
-    work = np.zeros((6, 2), np.int64), *np.zeros((3, 6), np.int64), np.zeros(6, np.int32)
+    work = np.zeros((6, cell_grid.FIELDS), np.int64), np.zeros(6, np.int32)
     RangeTopology.outputs(x, hears, 0.2, 14.0, 1.1, 1.5, *work, neighbours, weights)
     L_2, dL_2 = np.zeros((2, 1))
     TopologyRate.outputs(x, v, neighbours, weights, 0.2, 14.0, L_2, dL_2)

@@ -5,8 +5,9 @@ import pytest
 
 from cosim.authoring.rules import Course
 from cosim.blocks.finite_time_observer import FiniteTimeObserver
+from cosim.blocks.geometric_row import equal_spacing, geometric_row
 from cosim.blocks.neural_observer import NeuralObserver
-from cosim.blocks.radial_basis import activations, equal_spacing, weighted_sum
+from cosim.blocks.radial_basis import activations, weighted_sum
 from cosim.blocks.signed_power import common_root
 from cosim.blocks.stability_conditions import lyapunov_matrix, network_covers_run, observer_region, observer_stable
 
@@ -30,9 +31,21 @@ def test_activations(centres, place):
     rng = np.random.default_rng(3)
     x, v, phi = place + rng.normal(size=3), place + rng.normal(size=3), np.zeros(len(centres))
     for width in (8.0, 2.0):
-        spacing = equal_spacing(centres)
-        activations(x, v, centres, width, spacing, np.exp(-4 * spacing**2 / width**2), phi)
+        largest = activations(x, v, centres, width, phi)
         np.testing.assert_allclose(phi, gaussian(x, v, centres, width), rtol=1e-10, atol=1e-200)
+        assert largest == phi.max()
+
+
+@pytest.mark.parametrize("centres", [CENTRES, np.array([-1.0, 0.5]), np.linspace(-60, 60, 25)])
+@pytest.mark.parametrize("place", [-400.0, -3.0, 0.2, 2.5, 55.0])
+def test_geometric_row(centres, place):
+    rng = np.random.default_rng(3)
+    x, v, phi = place + rng.normal(size=3), place + rng.normal(size=3), np.zeros(len(centres))
+    for width in (8.0, 2.0):
+        spacing = equal_spacing(centres)
+        largest = geometric_row(x, v, centres, width, spacing, np.exp(-4 * spacing**2 / width**2), phi)
+        np.testing.assert_allclose(phi, gaussian(x, v, centres, width), rtol=1e-10, atol=1e-200)
+        assert largest == phi.max()
 
 
 def test_equal_spacing_is_found():
@@ -55,8 +68,8 @@ def test_finite_time_observer(beta_1):
     rng = np.random.default_rng(5)
     x, u, x_hat, v_hat, w_hat = rng.normal(size=(5, 3))
     g = rng.normal(size=(3, 3))
-    s_1, s_2, *d = np.zeros((5, 3))
-    FiniteTimeObserver.outputs(x, x_hat, beta_1, common_root(beta_1), s_1, s_2)
+    given, s_1, s_2, *d = np.zeros((6, 3))
+    FiniteTimeObserver.outputs(x, x_hat, beta_1, common_root(beta_1), given, s_1, s_2)
     FiniteTimeObserver.derivatives(u, g, v_hat, w_hat, s_1, s_2, 8.0, 7.0, 6.0, *d)
     e, beta_2 = x_hat - x, 2 * beta_1 - 1
     np.testing.assert_allclose(d[0], v_hat - 8.0 * sgn(e, beta_1), rtol=1e-13)
@@ -68,9 +81,9 @@ def neural(x, u, g, x_hat, v_hat, W_hat, gamma_1, gamma_2, beta_1=2 / 3):
     """The block's (d x_hat, d v_hat, d W_hat, w_hat)."""
     root, spacing, decay, lower = np.zeros(1, int), np.zeros(1), np.zeros(1), np.zeros(len(gamma_1))
     NeuralObserver.calculate(beta_1, 1.0, CENTRES, 8.0, root, spacing, decay, lower)
-    s_1, s_2, w_hat, d_x, d_v = np.zeros((5, 3))
+    e, s_1, s_2, w_hat, d_x, d_v = np.zeros((6, 3))
     phi, d_W = np.zeros(8), np.zeros((8, 3))
-    NeuralObserver.outputs_correction(x, x_hat, beta_1, root[0], s_1, s_2)
+    NeuralObserver.outputs_correction(x, x_hat, beta_1, root[0], e, s_1, s_2)
     NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, spacing[0], decay[0], phi, np.zeros(1), w_hat)
     NeuralObserver.derivatives(
         u, g, v_hat, W_hat, w_hat, s_1, s_2, phi, 8.0, 7.0, gamma_1, gamma_2, lower, d_x, d_v, d_W
@@ -120,8 +133,8 @@ def test_finite_time_observer_finds_a_constant_uncertainty():
     hat = np.zeros((3, 1))
     w = np.array([1.5])
     for _ in range(6000):
-        s, d = np.zeros((2, 1)), np.zeros((3, 1))
-        FiniteTimeObserver.outputs(x, hat[0], 2 / 3, 3, *s)
+        e, *s, d = np.zeros(1), *np.zeros((2, 1)), np.zeros((3, 1))
+        FiniteTimeObserver.outputs(x, hat[0], 2 / 3, 3, e, *s)
         FiniteTimeObserver.derivatives(np.zeros(1), np.eye(1), *hat[1:], *s, 8.0, 8.0, 6.0, *d)
         x, v, hat = x + h * v, v + h * w, hat + h * d
     assert abs(hat[1, 0] - v[0]) < 0.05

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cosim.blocks.cube_root import HIGHEST, LOWEST, cube_root, cube_root_within
-from cosim.blocks.signed_power import common_root, signed_powers
+from cosim.blocks.signed_power import common_root, sign, signed_powers
 
 
 def spread(count: int) -> np.ndarray:
@@ -54,20 +54,24 @@ def test_cube_root_compiled_gives_the_same_bits():
 @pytest.mark.parametrize("beta", [2 / 3, 0.75, 0.6, 0.9])
 @pytest.mark.parametrize("e", [-3.0, -1e-9, 0.0, 0.4, 8.0])
 def test_signed_powers(beta, e):
-    first, second = np.array([e, 1.0, -e]), np.zeros(3)
-    given = first.copy()
-    signed_powers(beta, common_root(beta), first, second)
+    given, first, second = np.array([e, 1.0, -e]), np.zeros(3), np.zeros(3)
+    signed_powers(given, beta, common_root(beta), first, second)
     assert first == pytest.approx(np.sign(given) * abs(given) ** beta, rel=1e-14)
     assert second == pytest.approx(np.sign(given) * abs(given) ** (2 * beta - 1), rel=1e-14)
 
 
 @pytest.mark.parametrize("extreme", [0.0, 5e-324, -1e-300, 1e300, math.inf])
 def test_an_extreme_error_changes_no_other_channel(extreme):
-    first, second = np.array([-0.3, extreme, 0.7]), np.zeros(3)
-    signed_powers(2 / 3, 3, first, second)
+    first, second = np.zeros((2, 3))
+    signed_powers(np.array([-0.3, extreme, 0.7]), 2 / 3, 3, first, second)
     roots = [-cube_root(0.3), math.copysign(cube_root(abs(extreme)), extreme), cube_root(0.7)]
     assert second.tolist() == roots
     assert first.tolist() == [math.copysign(r * r, r) for r in roots]
+
+
+@pytest.mark.parametrize(("e", "expected"), [(3.0, 1.0), (-5e-324, -1.0), (0.0, 0.0), (-0.0, 0.0)])
+def test_sign(e, expected):
+    assert sign(e) == expected
 
 
 @pytest.mark.parametrize(("beta", "root"), [(2 / 3, 3), (3 / 4, 4)])

@@ -15,9 +15,9 @@ ETA, R_C = (0.2, 14.0, 1.1), 1.5
 
 def range_lists(x, hears, capacity=64):
     robots = len(x)
-    cells, work = np.zeros((robots, 2), np.int64), np.zeros((4, robots), np.int64)
+    grid, count = np.zeros((robots, cell_grid.FIELDS), np.int64), np.zeros(robots, np.int32)
     neighbours, weights = np.zeros((robots, capacity), np.int32), np.zeros((robots, capacity))
-    RangeTopology.outputs(x, hears, *ETA, R_C, cells, *work, neighbours, weights)
+    RangeTopology.outputs(x, hears, *ETA, R_C, grid, count, neighbours, weights)
     return neighbours, weights
 
 
@@ -101,11 +101,10 @@ def test_cells_are_told_apart_in_one_bucket():
     robots = 33
     x = np.random.default_rng(11).uniform(-1e4, 1e4, (robots, 2))
     x[1] = x[0] + 0.5
-    cells, heads, links = np.zeros((robots, 2), np.int64), np.zeros(robots, np.int64), np.zeros(robots, np.int64)
-    found = np.zeros(robots, np.int64)
-    cell_grid.sort_into_cells(x, 1.0, cells, heads, links)
-    assert found[: cell_grid.later_near(0, cells, heads, links, found)].tolist() == [1]
-    assert sum(cell_grid.later_near(i, cells, heads, links, found) for i in range(robots)) == 1
+    grid = np.zeros((robots, cell_grid.FIELDS), np.int64)
+    cell_grid.sort_into_cells(x, 1.0, grid)
+    assert [cell_grid.later(k, 0, grid) for k in range(cell_grid.later_near(0, grid))] == [1]
+    assert sum(cell_grid.later_near(i, grid) for i in range(robots)) == 1
 
 
 def test_full_list_stops_the_run():

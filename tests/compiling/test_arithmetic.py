@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from cosim.engine import run, table
+from cosim.engine import program, run
 from cosim.engine.simulation import Simulation
 from cosim.errors import BlockFailed
 from cosim.terminal import cli
@@ -557,6 +557,6 @@ def test_breakpoints_hold_in_interpreted_functions(tmp_path, monkeypatch):
     network = run.load(tmp_path / "d.yaml")
     python = network.components["b"].declaration.functions[0].python
     assert debugger.set_break(python.__code__.co_filename, LINE) is None
-    one = Simulation(table.build(network, "jacobi"), None)
+    one = Simulation(program.build(network, "jacobi"), None)
     debugger.runcall(one.initialize)
     assert (LINE, 7) in reached

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from cosim.compiling import bytecode
-from cosim.compiling.fingerprint import fingerprint, obstacle
+from cosim.compiling.fingerprint import bytecode
+from cosim.compiling.fingerprint.text import fingerprint, obstacle
 from cosim.machine import cache, installed
 
 HEAD = """
@@ -330,7 +330,7 @@ def test_the_text_is_the_same_in_every_process(tmp_path):
     )
     (tmp_path / "own.py").write_text(HEAD + "import constants\n_ = np.arange(5000)\n" + body)
     code = (
-        "import own; from cosim.compiling.fingerprint import fingerprint\n"
+        "import own; from cosim.compiling.fingerprint.text import fingerprint\n"
         f"print(*(fingerprint(getattr(own, f'f{{k}}'), lines=True) for k in range({len(FOLLOWED)})))"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path]), "PYTHONHASHSEED": "random"}

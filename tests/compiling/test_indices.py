@@ -5,7 +5,7 @@ import re
 import pytest
 
 from cosim.authoring import authors
-from cosim.engine import simulation
+from cosim.engine import compilation
 from cosim.terminal import cli
 
 HEAD = """import numpy as np
@@ -86,7 +86,7 @@ def ends(tmp_path, monkeypatch, capsys):
 
     def run(body: str, k: int, engine: str, more: str = "", head: str = HEAD):
         if engine == "python":
-            monkeypatch.setattr(simulation, "compile_table", lambda table: None)
+            monkeypatch.setattr(compilation, "compile_program", lambda table: None)
         monkeypatch.chdir(tmp_path)
         (tmp_path / "own.py").write_text(head + f"        {body}\n")
         (tmp_path / "d.yaml").write_text(

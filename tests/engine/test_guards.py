@@ -10,8 +10,10 @@ import time
 import numpy as np
 import pytest
 
-from cosim.engine import loop, run, simulation, table
-from cosim.engine.simulation import Probes, Simulation
+from cosim.engine import compilation, loop, program, run
+from cosim.engine import probes as probing
+from cosim.engine.probes import Probes
+from cosim.engine.simulation import Simulation
 from cosim.errors import DiagramErrors, Diverged, WrongValue
 from cosim.wiring.network import Signal
 
@@ -37,7 +39,7 @@ def seen(built, kernels):
     parts = [[] for _ in PROBES]
     for batch in one.batches():
         for kept, samples in zip(parts, batch, strict=True):
-            kept.append((samples.steps.copy(), {s: v.copy() for s, v in samples.values.items()}))
+            kept.append((samples.times.copy(), {s: v.copy() for s, v in samples.values.items()}))
     return [
         (np.concatenate([s for s, _ in kept]), {n: np.concatenate([v[n] for _, v in kept]) for n in kept[0][1]})
         for kept in parts
@@ -48,12 +50,12 @@ def seen(built, kernels):
 @pytest.mark.parametrize("words", [1, 245, 1000])
 def test_rows_of_any_size_are_all_kept_whatever_the_buffers_hold(wired, monkeypatch, engine_, words):
     """A row of 241 words: buffers of less than one, of just one, and of four."""
-    built = table.build(wired(FLEET), "jacobi")
-    kernels = simulation.compile_table(built) if engine_ == "native" else None
+    built = program.build(wired(FLEET), "jacobi")
+    kernels = compilation.compile_program(built) if engine_ == "native" else None
     expected = seen(built, kernels)
-    monkeypatch.setattr(simulation, "BUFFER_BYTES", 8 * words)
-    for (steps, values), (all_steps, all_values), probes in zip(seen(built, kernels), expected, PROBES, strict=True):
-        assert steps.tolist() == all_steps.tolist() == list(range(0, 51, probes.every))
+    monkeypatch.setattr(probing, "BUFFER_BYTES", 8 * words)
+    for (times, values), (all_times, all_values), probes in zip(seen(built, kernels), expected, PROBES, strict=True):
+        assert times.tolist() == all_times.tolist() == [k * 0.01 for k in range(0, 51, probes.every)]
         for signal, array in values.items():
             assert array.tobytes() == all_values[signal].tobytes()
 
@@ -61,10 +63,10 @@ def test_rows_of_any_size_are_all_kept_whatever_the_buffers_hold(wired, monkeypa
 @pytest.mark.parametrize("engine_", ["native", "python"])
 def test_the_loop_itself_stops_at_a_full_buffer(wired, engine_):
     """Asked for all steps at once, it does those that have room, and nothing behind the buffer changes."""
-    built = table.build(wired(FLEET), "jacobi")
-    one = Simulation(built, simulation.compile_table(built) if engine_ == "native" else None, PROBES)
+    built = program.build(wired(FLEET), "jacobi")
+    one = Simulation(built, compilation.compile_program(built) if engine_ == "native" else None, PROBES)
     one.initialize()
-    buffer, groups = one._buffers[0], one._groups
+    buffer, groups = one.buffers.arrays[0], one.buffers.groups
     groups[0, loop.CAPACITY] = 5
     buffer[5:] = -7
     one.control[loop.LAST], one.control[loop.FINAL] = one.steps, 1
@@ -193,8 +195,8 @@ def test_what_a_method_would_ignore_is_refused(wired):
 
 
 def test_a_closed_simulation_may_begin_anew(wired):
-    built = table.build(wired("run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator}\n"), "jacobi")
-    one = Simulation(built, simulation.compile_table(built))
+    built = program.build(wired("run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator}\n"), "jacobi")
+    one = Simulation(built, compilation.compile_program(built))
     for start in (1.0, 2.0):
         one.arena[:] = built.arena
         built.signal(Signal("o", "x"), one.arena)[...] = start

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cosim.engine import simulation, table
+from cosim.engine import compilation, program
 from cosim.engine.simulation import Simulation
 from cosim.errors import BlockFailed, Diverged
 from cosim.wiring.network import Signal
@@ -175,8 +175,8 @@ def test_a_failing_block_is_named_with_time_and_cause(wired):
       picky: {type: Picky, inputs: {u: source.y}}
     """
     network = wired(text)
-    built = table.build(network, "jacobi")
-    for kernels in (simulation.compile_table(built), None):
+    built = program.build(network, "jacobi")
+    for kernels in (compilation.compile_program(built), None):
         one = Simulation(built, kernels)
         one.initialize()
         with pytest.raises(BlockFailed, match=r"block picky: outputs\(\) failed at t = 0.26 s: ValueError: input too"):
@@ -193,8 +193,8 @@ def test_a_diverged_state_is_named_with_the_time(wired):
       fine: {type: Oscillator}
       bang: {type: Explosive, per: robot, start: {x: [0.1, 1]}}
     """
-    built = table.build(wired(text), "jacobi")
-    one = Simulation(built, simulation.compile_table(built))
+    built = program.build(wired(text), "jacobi")
+    one = Simulation(built, compilation.compile_program(built))
     one.initialize()
     with pytest.raises(Diverged, match=r"block bang: state `x` of robot 2 is .*, beyond 9e\+99 at t = 1\.\d+ s"):
         for _ in one.batches():
@@ -215,13 +215,13 @@ def test_a_value_that_a_fleet_shares_is_recorded_for_each_member(wired, trajecto
     network = wired(text)
     got = trajectories(network, "source.f", "last.f", engine=engine)
     assert got["source.f"].tolist() == [[2.0] * 3] * 3 and got["last.f"].tolist() == [[5.0] * 3] * 3
-    one = Simulation(table.build(network, "jacobi"), None)
+    one = Simulation(program.build(network, "jacobi"), None)
     assert one.value(network.find("source.f", None)).tolist() == [2.0] * 3
 
 
 def test_runs_of_one_table_do_not_share_memory(wired):
-    built = table.build(wired("run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator}\n"), "jacobi")
-    kernels = simulation.compile_table(built)
+    built = program.build(wired("run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator}\n"), "jacobi")
+    kernels = compilation.compile_program(built)
     runs = [Simulation(built, kernels) for _ in range(2)]
     for one in runs:
         one.initialize()

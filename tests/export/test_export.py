@@ -10,8 +10,9 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from cosim.engine import run, simulation, table
-from cosim.engine.simulation import Probes, Simulation
+from cosim.engine import compilation, program, run
+from cosim.engine.probes import Probes
+from cosim.engine.simulation import Simulation
 from cosim.errors import ResultError
 from cosim.export.exporter import export_fmu
 from cosim.wiring.network import Network, Signal
@@ -49,9 +50,9 @@ def wired(folder: Path, text: str = DIAGRAM) -> Network:
 
 def native(network: Network, *names: str) -> dict[str, np.ndarray]:
     """Signals at every step."""
-    built = table.build(network, network.diagram.run.method)
+    built = program.build(network, network.diagram.run.method)
     signals = tuple(Signal(*name.rsplit(".", 1)) for name in names)
-    one = Simulation(built, simulation.compile_table(built), [Probes(signals)])
+    one = Simulation(built, compilation.compile_program(built), [Probes(signals)])
     one.initialize()
     parts = [[samples.values[s].copy() for s in signals] for (samples,) in one.batches()]
     return {name: np.concatenate([part[k] for part in parts]) for k, name in enumerate(names)}

@@ -16,6 +16,7 @@ from cosim.engine import run
 from cosim.errors import CompilerMissing, NotExportable, UnknownBlock, WrongValue
 from cosim.export import build
 from cosim.export.exporter import export_fmu
+from cosim.fmu.versions import FMI3
 from tests.fmu.fmu_host import Host
 
 BLOCKS = Path(__file__).with_name("blocks_for_tests.py")
@@ -420,7 +421,7 @@ def test_other_platforms_are_built_with_zig(network, folder, name):
     path = export_fmu(network, ["picky"], folder / f"{name}.fmu", "3.0", platforms=[name, build.host().name])
     platform = build.PLATFORMS[name]
     with zipfile.ZipFile(path) as archive:
-        library = archive.read(f"binaries/{platform.fmi3}/{path.stem.replace('-', '_')}{platform.suffix}")
+        library = archive.read(f"binaries/{platform.folder(FMI3)}/{path.stem.replace('-', '_')}{platform.suffix}")
         assert len(archive.namelist()) == 3
     assert library.startswith(MAGIC[platform.system])
 
@@ -435,7 +436,7 @@ def test_the_same_blocks_give_the_same_file(network, folder):
 
 def test_a_c_program_runs_it_with_an_empty_environment(fmus, host, tmp_path):
     one = host("robot", "3.0")
-    library = Path(one.folder, "binaries", build.host().fmi3, f"robot_3{build.host().suffix}")
+    library = Path(one.folder, "binaries", build.host().folder(FMI3), f"robot_3{build.host().suffix}")
     program = tmp_path / "host"
     code = Path(__file__).with_name("host.c")
     subprocess.run(["cc", "-std=c11", f"-I{build.headers()}", "-o", program, code, "-ldl"], check=True)
@@ -454,7 +455,7 @@ def test_a_c_program_runs_it_with_an_empty_environment(fmus, host, tmp_path):
 
 def test_the_library_needs_libc_and_libm_only(host):
     one = host("robot", "3.0")
-    library = Path(one.folder, "binaries", build.host().fmi3, f"robot_3{build.host().suffix}")
+    library = Path(one.folder, "binaries", build.host().folder(FMI3), f"robot_3{build.host().suffix}")
     needed = subprocess.run(["readelf", "-dW", library], capture_output=True, text=True, check=True).stdout
     names = [line.split("[")[1].split(".so")[0] for line in needed.splitlines() if "(NEEDED)" in line]
     assert set(names) <= {"libm", "libc"}

@@ -11,6 +11,7 @@ import pytest
 
 from cosim.errors import ArchiveError, FmuError, MissingFile
 from cosim.fmu import archive
+from cosim.fmu.versions import FMI2, FMI3
 
 XML = '<?xml version="1.0"?><fmiModelDescription fmiVersion="2.0"/>'
 
@@ -138,11 +139,11 @@ def test_a_file_that_is_missing_is_named(tmp_path):
 def test_a_missing_binary_says_which_there_are(packed):
     folder = archive.unpack(packed({"binaries/win64/a.dll": "x", "binaries/darwin64/a.dylib": "x", "sources/a.c": ""}))
     with pytest.raises(FmuError, match="it has darwin64, win64, and C sources"):
-        archive.binary(folder, "a", 2, "some.fmu")
+        archive.binary(folder, "a", FMI2, "some.fmu")
 
 
 def test_a_binary_is_found_under_either_version_s_name(packed):
-    old, new = archive.platforms(2)
-    assert archive.platforms(3) == [new, old]
+    old, new = archive.platforms(FMI2)
+    assert archive.platforms(FMI3) == [new, old]
     folder = archive.unpack(packed({f"binaries/{new}/a{archive.suffix()}": "x"}))
-    assert archive.binary(folder, "a", 2, "some.fmu").parent.name == new
+    assert archive.binary(folder, "a", FMI2, "some.fmu").parent.name == new

@@ -30,7 +30,7 @@ def declared(path, **entry):
     nodes = {key: Node(value, HERE) for key, value in entry.items() if key != "ports"}
     ports = {name: Node(value, HERE) for name, value in entry.get("ports", {}).items()}
     return importer.block(
-        BlockEntry("plant", "fmu", Node(str(path), Position("")), HERE, ports=ports, **nodes)
+        BlockEntry("plant", "fmu", Node(str(path), Position("")), HERE, ports=ports, settings=nodes)
     ).declaration
 
 
@@ -287,10 +287,10 @@ def test_a_description_that_makes_no_sense_is_told_by_name(tmp_path, capsys, edi
 
 def test_an_array_of_scalars_is_put_in_order_once(described, monkeypatch):
     """And not once for each of its elements."""
-    from cosim.fmu import ports
+    from cosim.fmu import elements, ports
 
     orders = []
-    monkeypatch.setattr(ports, "sorted", lambda things: orders.append(1) or sorted(things), raising=False)
+    monkeypatch.setattr(elements, "sorted", lambda things: orders.append(1) or sorted(things), raising=False)
     path = described(*((f"x[{i},{j}]", "Real", "output", "") for i in range(20, 0, -1) for j in range(1, 11)))
     port = ports.ports(importer.read_description(path)[1])["x"]
     assert port.shape == (20, 10)

@@ -40,16 +40,25 @@ def test_a_whole_diagram(folder):
     assert run.nodes["step"].position == Position("base.yaml", 2, 27)
     assert diagram.fleets == {"tank": 2}
     level = diagram.blocks["level"]
-    assert (level.kind, level.type.value, level.per.value) == ("block", "Tank", "tank")
+    assert (level.kind, level.type.value, level.settings["per"].value) == ("block", "Tank", "tank")
     assert level.position == Position("base.yaml", 5, 3)
     assert level.type.position == Position("base.yaml", 6, 12)
     assert plain(level.parameters) == {"area": [1, 2], "leak": "0.1*i"}
     assert plain(level.start) == {"h": [0.5, "pi/3"]}
     assert plain(level.inputs) == {"inflow": "pump.q", "other": ["pump.q", "level.h"]}
     assert plain(level.dimensions) == {"n": 2}
-    assert (level.integrator.value, level.inner_steps.value, level.period) == ("rk4", 4, None)
+    assert (level.settings["integrator"].value, level.settings["inner_steps"].value, level.settings.get("period")) == (
+        "rk4",
+        4,
+        None,
+    )
     pump = diagram.blocks["pump"]
-    assert (pump.kind, pump.directory, pump.path, pump.period.value) == ("python", Path(), Path("mine.py"), 0.01)
+    assert (pump.kind, pump.directory, pump.path, pump.settings["period"].value) == (
+        "python",
+        Path(),
+        Path("mine.py"),
+        0.01,
+    )
     assert (diagram.record.period, [n.value for n in diagram.record.signals]) == (0.01, ["level.h", "pump.q"])
     highest, last = diagram.metrics.values()
     assert (highest.signal.value, highest.reduce, highest.start, highest.stop) == ("level.h", "max", 10.0, 20.0)
@@ -81,7 +90,11 @@ def test_an_fmu_has_keys_of_its_own(folder):
     text = "{fmu: sub/tank.fmu, ports: {h: tank.level}, isolate: true, mode: model-exchange}"
     tank = load(write("d/a.yaml", f"run: {{stop: 1, step: 1}}\nblocks: {{t: {text}}}\n")).blocks["t"]
     assert (tank.kind, tank.directory, tank.path) == ("fmu", Path("d"), Path("d/sub/tank.fmu"))
-    assert (plain(tank.ports), tank.isolate.value, tank.mode.value) == ({"h": "tank.level"}, True, "model-exchange")
+    assert (plain(tank.ports), tank.settings["isolate"].value, tank.settings["mode"].value) == (
+        {"h": "tank.level"},
+        True,
+        "model-exchange",
+    )
 
 
 def test_loading_takes_as_many_calls_for_each_block_whatever_the_number_of_blocks(folder):
@@ -136,7 +149,13 @@ WRONG = [
     ("run: {stop: true, step: 1}\n" + BLOCKS, WrongType, 1, 13, "write a number"),
     ('run: {stop: "2*pie", step: 1}\n' + BLOCKS, ExpressionError, 1, 13, "did you mean `pi`?"),
     ("run: {stop: 1, step: 1, method: jacoby}\n" + BLOCKS, WrongValue, 1, 33, "did you mean `jacobi`?"),
-    ("run: {stop: 1, step: 1, integrator: [x]}\n" + BLOCKS, WrongValue, 1, 37, "one of: euler, rk4"),
+    (
+        "run: {stop: 1, step: 1, integrator: [x]}\n" + BLOCKS,
+        WrongValue,
+        1,
+        37,
+        "one of: bogacki-shampine, dormand-prince, euler, heun, ralston, rk4",
+    ),
     ("run: 5\n" + BLOCKS, WrongType, 1, 6, "write lines of `key: value`"),
     (ONE + "title: 5\n", WrongType, 3, 8, "put it between quotation marks"),
     (ONE + "fleets: {robot: 2.5}\n", WrongValue, 3, 17, "such as 1, 2, 3"),
@@ -194,7 +213,7 @@ def test_with_problems_the_diagram_is_returned_as_far_as_it_goes(folder):
     diagram = load("a.yaml", problems=problems)
     assert [type(e) for e in problems.errors] == [UnknownKey, MissingKey, WrongValue]
     assert plain(diagram.blocks["b"].parameters) == {"m": 1}
-    assert diagram.blocks["b"].period is None
+    assert diagram.blocks["b"].settings.get("period") is None
     assert list(diagram.blocks) == ["b"]
     assert diagram.unread == {"c"}
 

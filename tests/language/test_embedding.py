@@ -36,8 +36,8 @@ def test_a_diagram_in_a_diagram_is_unfolded(nested):
     assert plain(diagram.blocks["plant/tank"].parameters) == {"area": [1, 2]}
     assert plain(diagram.blocks["plant/tank"].start) == {"h": 5}
     assert plain(diagram.blocks["second/valve"].parameters) == {"gain": 1}
-    assert {entry.per and entry.per.value for entry in diagram.blocks.values()} == {None, "plant"}
-    assert diagram.blocks["plant/tank"].per.value == "plant"
+    assert {getattr(entry.settings.get("per"), "value", None) for entry in diagram.blocks.values()} == {None, "plant"}
+    assert diagram.blocks["plant/tank"].settings["per"].value == "plant"
     assert [n.value for n in diagram.record.signals] == ["plant/tank.h", "plant/valve.q"]
     assert diagram.metrics["m"].signal.value == "second/tank.h"
     assert diagram.outputs["h"].value == "plant/tank.h"

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cosim.language.grammar import multiple
+from cosim.language.reader import multiple
 
 
 @pytest.mark.parametrize("steps", [1, 3, 10, 30_000, 10**9])

@@ -46,13 +46,13 @@ def test_another_type_marks_what_was_written_for_the_old_one(folder):
         "extends: base.yaml\nblocks:\n  level: {fmu: tank.fmu, parameters: {leak: 2, new: 3}, start: {v: 1}}\n",
     )
     level = load("a.yaml").blocks["level"]
-    assert (level.kind, level.type.value, level.per.value) == ("fmu", "tank.fmu", "tank")
+    assert (level.kind, level.type.value, level.settings["per"].value) == ("fmu", "tank.fmu", "tank")
     assert level.position == Position("a.yaml", 3, 3)
     assert {n: node.inherited for n, node in level.parameters.items()} == {"area": True, "leak": False, "new": False}
     assert {n: node.inherited for n, node in level.start.items()} == {"h": True, "v": False}
     assert {n: node.inherited for n, node in level.inputs.items()} == {"inflow": True, "other": True}
-    assert level.integrator.inherited
-    assert not level.per.inherited
+    assert level.settings["integrator"].inherited
+    assert not level.settings["per"].inherited
 
 
 def test_the_same_type_again_marks_nothing(folder):
@@ -63,7 +63,7 @@ def test_the_same_type_again_marks_nothing(folder):
 def test_keys_of_the_old_kind_go_with_it(folder):
     write("a.yaml", HEAD + "blocks: {t: {fmu: t.fmu, ports: {a: b}, mode: co-simulation}}\n")
     tank = load("a.yaml", swaps=["t=Tank"]).blocks["t"]
-    assert (tank.kind, tank.ports, tank.mode) == ("block", {}, None)
+    assert (tank.kind, tank.ports, tank.settings.get("mode")) == ("block", {}, None)
 
 
 @pytest.mark.parametrize("chain", [["a"], ["a", "b"], ["c", "a", "b"]])
@@ -116,7 +116,7 @@ def test_settings(folder):
     assert str(level.parameters["new"].position) == "--set blocks.level.parameters.new=[1, 2]"
     assert level.parameters["area"].value[0].position.line == 8
     assert level.position == Position("base.yaml", 5, 3)
-    assert (plain(level.start), level.inner_steps.value) == ({"h": 1e-3}, 2)
+    assert (plain(level.start), level.settings["inner_steps"].value) == ({"h": 1e-3}, 2)
     assert "inflow" not in level.inputs
     assert plain(diagram.blocks["pump"].parameters) == {"k": 1}
     assert diagram.blocks["new"].type.value == "New"

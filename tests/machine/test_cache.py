@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from cosim.compiling.adapters import block_source
-from cosim.compiling.fingerprint import obstacle
+from cosim.compiling.fingerprint.text import obstacle
 from cosim.engine.run import Run, load
 from cosim.machine import cache
 from cosim.study import running, study_file
 from cosim.study.running import Options
 from cosim.terminal import cli
-from cosim.wiring import library
+from cosim.wiring import block_files
 
 CODE = bytes(range(256)) * 8
 POSIX = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and modes are those of POSIX")
@@ -335,7 +335,7 @@ def test_a_value_that_changes_within_a_process_takes_effect(author, reads):
     with Path("own.py").open("a") as file:
         file.write("\n\ndef inner():\n    return consts.SCALE\n")
     for scale in (2.0, 3.0):
-        consts = library.import_file(Path("own.py")).consts
+        consts = block_files.import_file(Path("own.py")).consts
         consts.SCALE, consts.TABLE = scale, (scale, 0.0)
         assert Run(load("d.yaml")).execute().metrics == {"last": scale}
 
@@ -387,7 +387,7 @@ def test_what_cannot_be_followed_is_compiled_at_every_run(author, tmp_path, fold
     text = OWN.format(plain="").replace("import consts\n", "import ctypes\n\nlib = ctypes.CDLL(None).cos\n")
     text = text.replace("consts.SCALE", "(2.0 if lib else 3.0)")
     (tmp_path / "own.py").write_text(text)
-    block = library.import_file(tmp_path / "own.py").Scaled.declaration
+    block = block_files.import_file(tmp_path / "own.py").Scaled.declaration
     made = [block_source(block, block.functions[0], {}) for _ in range(2)]
     assert made[0].fingerprint != made[1].fingerprint
     assert obstacle(made[0].fingerprint)

@@ -9,7 +9,9 @@ import pytest
 from cosim.errors import PlotError
 from cosim.plot import figures, lines, plane, style
 from cosim.plot.signals import curves, read
-from cosim.results.result_file import Result, ResultWriter, Signal, open_result
+from cosim.results.recorded import Recorded
+from cosim.results.result_file import Result, open_result
+from cosim.results.result_writer import ResultWriter
 from cosim.terminal.cli import main
 
 matplotlib = pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra `plot`)")
@@ -32,7 +34,7 @@ def result(tmp_path):
         "test.error": 10.0 ** (2 - times),
     }
     units = {"plant.x": ("m", "m", "rad"), "test.error": "m/s2"}
-    signals = [Signal(n, v.shape[1:], v.dtype, unit=units.get(n)) for n, v in samples.items()]
+    signals = [Recorded(n, v.shape[1:], v.dtype, unit=units.get(n)) for n, v in samples.items()]
     path = tmp_path / "run.nc"
     with ResultWriter(path, signals, {"diagram": DIAGRAM}) as writer:
         writer.append(times, samples)
@@ -224,7 +226,7 @@ def test_units_that_differ_stand_at_the_lines(result):
 @pytest.mark.parametrize(("count", "legend"), [(9, True), (lines.LISTED, True), (lines.LISTED + 1, False)])
 def test_many_lines_have_a_legend_or_their_number(tmp_path, count, legend):
     path = tmp_path / "many.nc"
-    with ResultWriter(path, [Signal("many.y", (count,))], {}) as writer:
+    with ResultWriter(path, [Recorded("many.y", (count,))], {}) as writer:
         writer.append(np.arange(2.0), {"many.y": np.arange(2.0 * count).reshape(2, count)})
     with open_result(path) as opened, style.style():
         (axis,) = drawn({"run": opened}, [lines.Panel(["many.y"])])
@@ -262,7 +264,7 @@ def test_a_panel_shows_all_bodies_of_its_time(result):
 def test_positions_may_have_no_heading(tmp_path, capsys):
     path, times = tmp_path / "points.nc", np.linspace(0, 1, 5)
     x = np.stack([np.outer(times, [1.0, 2.0]), np.outer(times, [0.0, 1.0])], axis=2)
-    with ResultWriter(path, [Signal("plant.pose", (2, 2))], {}) as writer:
+    with ResultWriter(path, [Recorded("plant.pose", (2, 2))], {}) as writer:
         writer.append(times, {"plant.pose": x})
     output = ["-o", str(tmp_path / "a.gif")]
     assert main(["plot", str(path), "--animate", *output]) == 2
@@ -395,7 +397,7 @@ def test_without_a_signal_on_the_other_axis_the_derivative_is_that_over_time(res
 def fleet(path, count, channels=2):
     """A result with a signal of a fleet: member i has the value i."""
     x = np.ones((5, count, channels)) * np.arange(1, count + 1)[:, None]
-    with ResultWriter(path, [Signal("b.x", x.shape[1:], fleet="ship")], {}) as writer:
+    with ResultWriter(path, [Recorded("b.x", x.shape[1:], fleet="ship")], {}) as writer:
         writer.append(np.arange(5.0), {"b.x": x})
     return path
 
@@ -420,7 +422,7 @@ def test_lines_of_two_fleets_are_called_by_their_own_run_and_member(tmp_path, co
 
 
 def test_a_run_without_samples_makes_no_empty_picture(tmp_path, capsys):
-    with ResultWriter(tmp_path / "none.nc", [Signal("b.x")], {}):
+    with ResultWriter(tmp_path / "none.nc", [Recorded("b.x")], {}):
         pass
     assert main(["plot", str(tmp_path / "none.nc")]) == 2
     assert "none.nc has no samples" in capsys.readouterr().err
@@ -431,7 +433,7 @@ def test_bodies_that_are_nowhere_do_not_stretch_a_moving_picture(tmp_path, capsy
     x = np.ones((5, 3, 2)) * np.arange(3)[:, None]
     x[2:, 1] = np.inf
     for name, values in (("part", x), ("none", np.full((5, 3, 2), np.nan))):
-        with ResultWriter(tmp_path / f"{name}.nc", [Signal("swarm.x", (3, 2))], {}) as writer:
+        with ResultWriter(tmp_path / f"{name}.nc", [Recorded("swarm.x", (3, 2))], {}) as writer:
             writer.append(np.arange(5.0), {"swarm.x": values})
     assert main(["plot", "--animate", str(tmp_path / "part.nc")]) == 0
     capsys.readouterr()

@@ -9,7 +9,8 @@ import pytest
 
 from cosim.errors import ResultError
 from cosim.results.comparison import compare
-from cosim.results.result_file import ResultWriter, Signal
+from cosim.results.recorded import Recorded
+from cosim.results.result_writer import ResultWriter
 from cosim.terminal.cli import main
 
 
@@ -22,7 +23,7 @@ def result(tmp_path):
     ):
         path = tmp_path / name
         samples = {"b.x": x, "b.y": x[:, 0] if y is None else y, **{m: x[:, 0] for m in more}}
-        signals = [Signal(n, v.shape[1:], v.dtype, unit=unit) for n, v in samples.items()]
+        signals = [Recorded(n, v.shape[1:], v.dtype, unit=unit) for n, v in samples.items()]
         writer = ResultWriter(path, signals, {"settings": {"step": step}} if step else {})
         writer.append(times, samples)
         writer.close(status, message, metrics or {}, steps)

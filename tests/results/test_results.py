@@ -18,22 +18,17 @@ import pytest
 import xarray
 
 from cosim.errors import ResultError
-from cosim.results.result_file import (
-    CLOSING_BYTES,
-    ResultWriter,
-    Signal,
-    is_result,
-    open_result,
-    previous_path,
-    read_metrics,
-    write_csv,
-)
+from cosim.results.csv_table import write_csv
+from cosim.results.disk_space import CLOSING_BYTES
+from cosim.results.recorded import Recorded
+from cosim.results.result_file import is_result, open_result, read_metrics
+from cosim.results.result_writer import ResultWriter, previous_path
 
 SIGNALS = [
-    Signal("plant.x", (6, 3), float, "robot", ("m", "m", "rad"), "position and heading", "output"),
-    Signal("plant.touching", (6,), bool, "robot", None, "touches another", "local"),
-    Signal("team/graph.weights", (2, 2), np.float32, "", "1", "edge weights", "output"),
-    Signal("count.k", (), np.int64),
+    Recorded("plant.x", (6, 3), float, "robot", ("m", "m", "rad"), "position and heading", "output"),
+    Recorded("plant.touching", (6,), bool, "robot", None, "touches another", "local"),
+    Recorded("team/graph.weights", (2, 2), np.float32, "", "1", "edge weights", "output"),
+    Recorded("count.k", (), np.int64),
 ]
 ATTRIBUTES = {
     "title": "Formation — Σ",
@@ -127,7 +122,9 @@ def test_xarray_sees_dimensions_coordinates_units_and_values(tmp_path, engine):
 
 def test_a_fleet_called_time_and_one_in_a_nested_diagram(tmp_path):
     path = tmp_path / "run.nc"
-    with ResultWriter(path, [Signal("a.x", (2,), float, "time"), Signal("b.x", (3,), float, "team/robot")], {}) as w:
+    with ResultWriter(
+        path, [Recorded("a.x", (2,), float, "time"), Recorded("b.x", (3,), float, "team/robot")], {}
+    ) as w:
         w.append(np.zeros(1), {"a.x": np.ones((1, 2)), "b.x": np.ones((1, 3))})
     with xarray.open_dataset(path, engine="h5netcdf") as data:
         assert data["a.x"].dims == ("time", "time_") and data["b.x"].dims == ("time", "team.robot")
@@ -142,7 +139,7 @@ def test_an_empty_recording_opens(tmp_path):
 
 
 def test_large_batches_do_not_wait_in_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("cosim.results.result_file.WAITING_BYTES", 10_000)
+    monkeypatch.setattr("cosim.results.result_writer.WAITING_BYTES", 10_000)
     writer = ResultWriter(tmp_path / "run.nc", SIGNALS, ATTRIBUTES)
     writer.append(*samples(0, 500))
     check_samples(tmp_path / "run.nc", 500)
@@ -161,7 +158,7 @@ def test_a_batch_may_be_overwritten_by_its_owner(tmp_path):
 
 def test_wrong_shape_is_refused_at_once(tmp_path):
     with (
-        ResultWriter(tmp_path / "run.nc", [Signal("a.x", (3,))], {}) as writer,
+        ResultWriter(tmp_path / "run.nc", [Recorded("a.x", (3,))], {}) as writer,
         pytest.raises(ValueError, match=r"`a\.x`: samples of shape"),
     ):
         writer.append(np.zeros(2), {"a.x": np.zeros((3, 2))})
@@ -351,7 +348,8 @@ def test_a_folder_that_cannot_be_made_or_written(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("signal", "said"), [(Signal("a.z", (), complex), "`a.z`.*complex128"), (Signal("a.x", (0, 3)), "`a.x`.*elements")]
+    ("signal", "said"),
+    [(Recorded("a.z", (), complex), "`a.z`.*complex128"), (Recorded("a.x", (0, 3)), "`a.x`.*elements")],
 )
 def test_signals_that_netcdf_does_not_have(tmp_path, signal, said):
     with pytest.raises(ResultError, match=said):
@@ -383,7 +381,11 @@ def test_csv_gives_back_the_same_numbers(tmp_path):
     numbers = np.random.default_rng(0).normal(size=(1500, 2, 2)) * 10.0 ** np.arange(-300, 300, 0.4)[:, None, None]
     numbers[3, 0, 1], numbers[4, 1, 1] = np.nan, -np.inf
     single = np.float32(0.1) * np.arange(1500, dtype=np.float32)
-    signals = [Signal("plant.x", (2, 2), float, "robot"), Signal("b.f", (), np.float32), Signal("b.on", (1,), bool)]
+    signals = [
+        Recorded("plant.x", (2, 2), float, "robot"),
+        Recorded("b.f", (), np.float32),
+        Recorded("b.on", (1,), bool),
+    ]
     path, table = tmp_path / "run.nc", tmp_path / "run.csv"
     times = np.arange(1500) * 0.1
     with ResultWriter(path, signals, {}) as writer:
@@ -408,7 +410,7 @@ def test_csv_that_cannot_be_written(tmp_path):
 
 def test_recording_costs_little_more_than_the_bytes(tmp_path):
     """Time of the processor, beside plain h5py writing the same numbers: five times as much was measured."""
-    signals = [Signal(f"b{q}.x", (6, 3), float, "robot", "m") for q in range(20)]
+    signals = [Recorded(f"b{q}.x", (6, 3), float, "robot", "m") for q in range(20)]
     times, x = np.arange(3000) * 1e-2, np.random.default_rng(0).normal(size=(3000, 6, 3))
 
     def ours():
@@ -431,7 +433,7 @@ def test_recording_costs_little_more_than_the_bytes(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a child that looks first")
 def test_a_damaged_file_in_which_hdf5_has_no_end_is_refused(tmp_path, monkeypatch):
     """In these bytes, among others, HDF5 goes round for ever; in a process of its own, as only SIGKILL ends it."""
-    monkeypatch.setattr("cosim.results.result_file.WALK_SECONDS", 1)
+    monkeypatch.setattr("cosim.results.damage.WALK_SECONDS", 1)
     path = write(tmp_path / "run.nc")
     whole, ends = path.read_bytes(), Counter()
     for at in range(0, 12_000, 1500):

@@ -7,8 +7,8 @@ import pytest
 
 from cosim.errors import DiagramErrors
 from cosim.study import plan
+from cosim.study.dotted_paths import short_name
 from cosim.study.running import Options, run
-from cosim.study.study_file import short_name
 from cosim.study.variants import Variants
 from tests.study.conftest import DIAGRAM, STUDY
 

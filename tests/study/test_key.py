@@ -136,11 +136,11 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
     made = Variants(loaded).prepared(one)
 
     def key():
-        return keys.key(keys.structure(made.network, made.table, made.kernels), made.network, made.table)
+        return keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program)
 
     before = key()
     seen = []
-    for kind, part in parts([made.network, made.table], {}).items():
+    for kind, part in parts([made.network, made.program], {}).items():
         for name in names_of(part):
             old = getattr(part, name)
             if is_dataclass(old):
@@ -150,8 +150,8 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
             object.__setattr__(part, name, old)
             seen.append(f"{kind.__name__}.{name}")
     assert key() == before
-    some = "RunSettings.step Record.period MetricEntry.start Table.operations Call.frame State.start Component.every"
-    some += " Function.python Place.offset BlockEntry.mode Declaration.compiled Diagram.metrics"
+    some = "RunSettings.step Record.period MetricEntry.start Program.rows Call.frame State.start Component.every"
+    some += " Function.python Place.offset BlockEntry.settings Declaration.compiled Diagram.metrics"
     assert set(some.split()) <= set(seen)
 
 
@@ -164,7 +164,7 @@ def test_values_and_the_arena_are_each_members_own(study):
     loaded = study(RECORDED)
     (one,) = plan.members(loaded, None)
     made = Variants(loaded).prepared(one)
-    table, network = copy.copy(made.table), made.network
+    table, network = copy.copy(made.program), made.network
     table.arena = table.arena.copy()
     table.arena[-1] ^= 1
     assert keys.key(made.shared, network, table) != made.key
@@ -172,7 +172,7 @@ def test_values_and_the_arena_are_each_members_own(study):
     found = {made.key}
     for text in ("a", "b"):  # such as an FMU may have, and which is in no arena
         component.values = {**component.values, "text": np.array([text], object)}
-        found.add(keys.key(made.shared, network, made.table))
+        found.add(keys.key(made.shared, network, made.program))
     assert len(found) == 3
 
 
@@ -182,12 +182,12 @@ def test_an_unknown_kind_of_value_is_an_error_and_not_left_out(study):
     made = Variants(loaded).prepared(one)
     made.network.diagram.run.patience = object()
     with pytest.raises(TypeError, match="cannot be part of a member's key"):
-        keys.structure(made.network, made.table, made.kernels)
+        keys.structure(made.network, made.program, made.kernels)
 
 
 def test_the_program_is_in_the_key(study, monkeypatch):
     loaded = study()
     one = next(plan.members(loaded, Variants(loaded).draws()))
     before = Variants(loaded).prepared(one).key
-    monkeypatch.setattr(keys, "program", lambda: b"edited")
+    monkeypatch.setattr(keys, "own_files", lambda: b"edited")
     assert Variants(loaded).prepared(one).key != before

@@ -346,6 +346,7 @@ def test_processes_end_with_the_first_one_however_that_ends(tmp_path):
     time.sleep(2.0)
     process.kill()
     process.wait()
+    deadline = time.monotonic() + 120
     while any(map(runs, found)) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert len(found) == 3 and not any(map(runs, found))

@@ -66,7 +66,7 @@ def test_every_reduction_has_its_statistic_over_runs():
 
 
 def test_events_are_reduced_to_the_run_with_the_most():
-    column = tables.Column("hits", tables.Node("hits", None))
+    column = tables.TableColumn("hits", tables.Node("hits", None))
     assert tables.with_statistic(column, {"hits": "events"}).statistic == "max"
 
 
@@ -219,7 +219,7 @@ INF = float("inf")
     ],
 )
 def test_statistics_of_numbers_that_are_odd(statistic, numbers, expected):
-    column = tables.Column("m", tables.Node("m", None), statistic)
+    column = tables.TableColumn("m", tables.Node("m", None), statistic)
     found = tables.cell(column, [{"metrics": {"m": number}} for number in numbers])
     assert found is expected if expected is None else found == pytest.approx(expected, rel=1e-15, abs=0, nan_ok=True)
 

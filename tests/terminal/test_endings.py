@@ -19,6 +19,8 @@ import pytest
 from cosim.machine import interruption, streams
 from cosim.machine.interruption import Interrupted, deferred, heard
 from cosim.results import result_file
+from cosim.results.recorded import Recorded
+from cosim.results.result_writer import ResultWriter
 from cosim.terminal import cli
 
 LONG = """
@@ -183,10 +185,11 @@ def test_before_the_run_a_signal_ends_the_program_without_a_traceback(write, tmp
 KILLED = """
 import sys
 import numpy as np
-from cosim.results.result_file import ResultWriter, Signal
+from cosim.results.recorded import Recorded
+from cosim.results.result_writer import ResultWriter
 print(flush=True)
 while True:
-    with ResultWriter(sys.argv[1], [Signal("oscillator.x")], {}) as writer:
+    with ResultWriter(sys.argv[1], [Recorded("oscillator.x")], {}) as writer:
         for first in range(0, 1000, 20):
             k = np.arange(first, first + 20)
             writer.append(10 * k * 0.01, {"oscillator.x": np.cos(k)})
@@ -210,8 +213,8 @@ def test_at_every_instant_there_is_a_result_under_the_name(tmp_path):
 def test_a_kill_at_the_moment_of_replacement(tmp_path, monkeypatch):
     """Whichever call on the file system is the last, the name has a result: all calls that change names are cut off."""
     path = tmp_path / "run.nc"
-    signals = [result_file.Signal("oscillator.x")]
-    result_file.ResultWriter(path, signals, {"title": "first"}).close("completed")
+    signals = [Recorded("oscillator.x")]
+    ResultWriter(path, signals, {"title": "first"}).close("completed")
     changing = ("link", "replace", "unlink")
     for last in range(4):
         left = [last]
@@ -230,7 +233,7 @@ def test_a_kill_at_the_moment_of_replacement(tmp_path, monkeypatch):
                 patch.setattr(os, name, cut(getattr(os, name)))
             patch.setattr(Path, "unlink", lambda self, missing_ok=False: os.unlink(self))
             with suppress(SystemExit, FileNotFoundError):
-                result_file.ResultWriter(path, signals, {"title": "second"})
+                ResultWriter(path, signals, {"title": "second"})
         with result_file.open_result(path) as result:
             assert result.attrs["title"] in ("first", "second")
 

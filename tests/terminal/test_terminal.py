@@ -346,7 +346,7 @@ def test_rich_is_imported_only_to_print():
     import subprocess
 
     code = (
-        "import sys, cosim.terminal.screen, cosim.results.result_file, cosim.results.metrics; "
+        "import sys, cosim.terminal.screen, cosim.results.result_writer, cosim.results.metrics; "
         "print({'rich', 'h5py', 'numba'} & set(sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from cosim.engine import run
-from cosim.engine.simulation import Simulation, compile_table
-from cosim.engine.table import build
+from cosim.engine.compilation import compile_program
+from cosim.engine.program import build
+from cosim.engine.simulation import Simulation
 from cosim.errors import DiagramErrors
 from cosim.study import study_file
 from cosim.study.plan import Member
@@ -88,7 +89,7 @@ def load(tmp_path):
 
 def value(network, name, engine):
     table = build(network, "jacobi")
-    simulation = Simulation(table, None if engine == "python" else compile_table(table))
+    simulation = Simulation(table, None if engine == "python" else compile_program(table))
     simulation.initialize()
     return simulation.value(Signal(*name.split(".")))
 

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from cosim import errors
-from cosim.engine import run, simulation, table
-from cosim.engine.simulation import Probes, Simulation
+from cosim.engine import compilation, program, run
+from cosim.engine.probes import BUFFER_BYTES, Probes
+from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, DiagramErrors, ExpressionError, MissingFile, TooLarge, WrongUnit
 from cosim.language import diagram, embedding, expression, overlay, source, units
 from cosim.study import plan, study_file
 from cosim.study.draws import Draws
-from cosim.wiring import resolution, sizes
+from cosim.wiring import given_values, sizes
 
 FLEET = """
 run: {{stop: 1, step: 0.01}}
@@ -35,7 +36,7 @@ def mistakes(load, *arguments) -> list[CosimError]:
 
 
 def test_a_fleet_that_no_memory_holds_is_refused_where_it_is_named(write, monkeypatch):
-    """x has two numbers of 8 bytes a member, in five vectors (`table.Table.vectors`), in two arenas."""
+    """x has two numbers of 8 bytes a member, in five vectors (`layout.VECTORS`), in two arenas."""
     monkeypatch.setattr(sizes, "memory", lambda: 2**34)
     path = write(FLEET.format(size="1e9", value=1))
     (mistake,) = mistakes(run.load, path)
@@ -55,7 +56,7 @@ def test_a_fleet_that_nothing_counts_is_refused_at_its_number(write):
 def test_what_a_run_is_said_to_need_is_what_its_arena_takes(name, monkeypatch):
     """Never more than that, and for a large fleet not much less."""
     network = run.load(Path(__file__).parents[2] / "diagrams" / name)
-    arena = table.build(network, network.diagram.run.method).arena.nbytes
+    arena = program.build(network, network.diagram.run.method).arena.nbytes
     for there, fits in ((sizes.COPIES * arena, True), (arena // 10, False)):
         monkeypatch.setattr(sizes, "memory", lambda there=there: there)
         assert sizes.fit(network.components.values(), errors.Problems()) == fits
@@ -63,7 +64,7 @@ def test_what_a_run_is_said_to_need_is_what_its_arena_takes(name, monkeypatch):
 
 def test_nothing_is_evaluated_for_what_does_not_fit(write, monkeypatch):
     monkeypatch.setattr(sizes, "memory", lambda: 1_000_000)
-    monkeypatch.setattr(resolution, "_array", lambda *_: pytest.fail("it was evaluated"))
+    monkeypatch.setattr(given_values, "array", lambda *_: pytest.fail("it was evaluated"))
     assert isinstance(mistakes(run.load, write(FLEET.format(size=100_000, value=1)))[0], TooLarge)
 
 
@@ -174,13 +175,13 @@ def test_draws_that_no_memory_holds_are_refused(tmp_path, monkeypatch):
 def test_a_long_run_begins_at_once(wired, stop):
     """Nothing is allocated for each step: the first batch comes as soon as that of a short run."""
     network = wired(f"run: {{stop: {stop}, step: 1.0e-3}}\nblocks:\n  o: {{type: Oscillator}}\n")
-    built = table.build(network, "jacobi")
+    built = program.build(network, "jacobi")
     signal = network.find("o.x", None)
-    one = Simulation(built, simulation.compile_table(built), [Probes((signal,)), Probes((signal,), 1000)])
+    one = Simulation(built, compilation.compile_program(built), [Probes((signal,)), Probes((signal,), 1000)])
     one.initialize()
     next(one.batches())
     assert 0 < one.done < one.steps
-    assert sum(buffer.nbytes for buffer in one._buffers) <= 2 * simulation.BUFFER_BYTES
+    assert sum(buffer.nbytes for buffer in one.buffers.arrays) <= 2 * BUFFER_BYTES
 
 
 # ---- files ----

@@ -35,9 +35,9 @@ static Status explain(Instance *i, int32_t status, double time) {
         return tell(i, ERROR, LOG_ERROR, "`%s` is not finite, or beyond 1e100, at t = %g s: try a smaller step", name,
                     time);
     }
-    const int64_t *operation = model.operations + c[ENGINE_AT] * ENGINE_OPERATION_WORDS;
-    const int64_t function = operation[ENGINE_A];
-    uint8_t *frame = i->arena + operation[ENGINE_B];
+    const int64_t *row = model.rows + c[ENGINE_AT] * ENGINE_ROW_WORDS;
+    const int64_t function = row[ENGINE_A];
+    uint8_t *frame = i->arena + row[ENGINE_B];
     Fault fault;
     char text[768];
     memcpy(&fault, frame, sizeof fault);
@@ -58,12 +58,13 @@ static Status conclude(Instance *i, int32_t status, int64_t warnings, double tim
     return tell(i, WARNING, LOG_WARNING, "a block warned at t = %g s", time);
 }
 
-/* Operations that do not depend on sample instants. */
+/* Rows once, as of step k. */
 static Status execute(Instance *i, Range range, double time) {
     int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
     if (range.begin == range.end) return OK;
-    c[ENGINE_POINT_BEGIN] = range.begin;
-    c[ENGINE_POINT_END] = range.end;
+    c[ENGINE_FIRST_ROW] = range.begin;
+    c[ENGINE_END_ROW] = range.end;
+    c[ENGINE_STEP] = i->at.k;
     return conclude(i, engine_execute(time, i->arena, c), warnings, time);
 }
 
@@ -77,19 +78,16 @@ static Status execute_part(Instance *i, Range range, double time) {
     return status;
 }
 
-/* n steps from step k; for n = 0 the operations of `point` once, as of step k. */
-static Status run(Instance *i, Range point, int64_t n) {
+/* n steps from step k; for n = 0 what a communication point evaluates, once, as of step k. */
+static Status run(Instance *i, int64_t n) {
     int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
-    c[ENGINE_POINT_BEGIN] = point.begin;
-    c[ENGINE_POINT_END] = point.end;
-    c[ENGINE_BETWEEN_BEGIN] = model.between.begin;
-    c[ENGINE_BETWEEN_END] = model.between.end;
     c[ENGINE_STEP] = i->at.k;
     c[ENGINE_LAST] = i->at.k + n;
     c[ENGINE_FINAL] = n == 0;
     c[ENGINE_ORIGIN_STEP] = i->at.origin_step;
     memcpy(&c[ENGINE_ORIGIN], &i->at.origin, sizeof(double));
-    const int32_t status = engine_run(i->at.step, i->arena, c);
+    memcpy(&c[ENGINE_STEP_SIZE], &i->at.step, sizeof(double));
+    const int32_t status = engine_run(0, i->arena, c);
     i->at.k = c[ENGINE_STEP];
     return conclude(i, status, warnings, grid_time(i));
 }
@@ -101,18 +99,19 @@ static Status worse(Status a, Status b) {
 /* ---- values at one time -------------------------------------------------------------------------------------- */
 
 static Status initialize(Instance *i) {
-    Range part = {model.initial.begin, model.initial.begin};
+    const Range calculate = model.phases[ENGINE_CALCULATE], start = model.phases[ENGINE_START];
+    Range part = {calculate.begin, calculate.begin};
     Status status = OK;
     for (uint32_t s = 0; s < model.n_started && status < ERROR; s++) {
         const Started *started = &model.started[s];
-        part.end = started->operation + 1;
+        part.end = started->row + 1;
         status = worse(status, execute_part(i, part, i->at.start));
         part.begin = part.end;
         const uint8_t *shadow = i->arena + started->shadow;
         for (uint64_t b = 0; b < started->bytes; b++)
             if (shadow[started->bytes + b]) i->arena[started->offset + b] = shadow[b];
     }
-    part.end = model.initial.end;
+    part.end = start.end;
     if (status < ERROR) status = worse(status, execute(i, part, i->at.start));
     i->at.calculate_stale = i->at.outputs_stale = status >= ERROR;
     i->at.derivatives_stale = 1;
@@ -121,14 +120,14 @@ static Status initialize(Instance *i) {
 
 static Status evaluate(Instance *i) {
     const bool sampled = i->interface == CO_SIMULATION || i->at.sampling;
-    const Status status = sampled ? run(i, model.point, 0) : execute(i, model.held, i->at.time);
+    const Status status = sampled ? run(i, 0) : execute(i, model.phases[ENGINE_HELD], i->at.time);
     i->at.outputs_stale = status >= ERROR;
     return status;
 }
 
 static Status calculate(Instance *i) {
     if (!i->at.calculate_stale) return OK;
-    const Status status = execute(i, model.calculate, i->at.time);
+    const Status status = execute(i, model.phases[ENGINE_CALCULATE], i->at.time);
     i->at.calculate_stale = status >= ERROR;
     return status;
 }
@@ -145,7 +144,7 @@ static Status provide(Instance *i, Need need) {
     }
     if (status < ERROR && need == DIFFERENTIATED && at->derivatives_stale) {
         const double time = i->interface == CO_SIMULATION ? grid_time(i) : at->time;
-        status = worse(status, execute(i, model.derivatives, time));
+        status = worse(status, execute(i, model.phases[ENGINE_DERIVATIVES], time));
         at->derivatives_stale = status >= ERROR;
     }
     return status;
@@ -248,7 +247,7 @@ Status leave_event_mode(Instance *i, Phase next) {
     Status status = i->interface == MODEL_EXCHANGE ? provide(i, EVALUATED) : OK;
     if (status < ERROR && i->at.sampling) {
         /* The inputs have settled: now the sampled states' next values, which the next instant publishes. */
-        status = worse(status, run(i, model.update, 0));
+        status = worse(status, execute(i, model.phases[ENGINE_UPDATE], grid_time(i)));
         i->at.sampling = 0;
     }
     if (status >= ERROR) return status;
@@ -290,7 +289,7 @@ Status do_step(Instance *i, double time, double size) {
     Status status = calculate(i);
     if (status >= ERROR) return status;
     follow(at, time, step);
-    status = worse(status, run(i, model.point, (int64_t)n));
+    status = worse(status, run(i, (int64_t)n));
     at->time = time + size;
     at->outputs_stale = at->derivatives_stale = 1;
     at->inputs_set = 0;

@@ -25,7 +25,8 @@ static const char *phase_name(uint32_t phase) {
 static void set_control(Instance *i) {
     int64_t *c = i->control;
     memset(c, 0, sizeof i->control);
-    c[ENGINE_OPERATIONS] = (int64_t)(intptr_t)model.operations;
+    c[ENGINE_ROWS] = (int64_t)(intptr_t)model.rows;
+    c[ENGINE_PHASE] = (int64_t)(intptr_t)model.phases;
     c[ENGINE_BANKS] = (int64_t)(intptr_t)model.banks;
     c[ENGINE_FUNCTIONS] = (int64_t)(intptr_t)model.functions;
     c[ENGINE_STATES] = (int64_t)model.n_states;
@@ -35,9 +36,10 @@ static void set_control(Instance *i) {
     c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
     c[ENGINE_X] = (int64_t)model.x;
     c[ENGINE_W] = (int64_t)model.w;
-    c[ENGINE_START] = (int64_t)model.start;
+    c[ENGINE_BEGUN] = (int64_t)model.begun;
     c[ENGINE_SUM] = (int64_t)model.sum;
     c[ENGINE_D] = (int64_t)model.d;
+    c[ENGINE_SLOPES] = (int64_t)model.slopes;
 }
 
 Instance *instance_new(const char *name, const char *token, Interface interface) {

@@ -1,4 +1,4 @@
-/* What a generated model.c says of one exported model: the table of `cosim.engine.table` as constants.
+/* What a generated model.c says of one exported model: the program of `cosim.engine.program` as constants.
  *
  * All offsets are bytes from the begin of the arena, so that every instance is a copy of the arena's image. */
 #ifndef COSIM_MODEL_H
@@ -41,15 +41,15 @@ typedef struct {
     uint32_t element;
 } Scalar;
 
-/* Operations begin … end-1 of the table. */
+/* Rows begin … end-1 of the program. */
 typedef struct {
     int64_t begin, end;
 } Range;
 
-/* A state that a `start` function computes, right after `operation`, unless its own value was set: `shadow` holds
+/* A state that a `start` function computes, right after `row`, unless its own value was set: `shadow` holds
  * set values, and the bytes behind them whether each byte was set. */
 typedef struct {
-    int64_t operation;
+    int64_t row;
     uint64_t offset, bytes, shadow;
 } Started;
 
@@ -68,21 +68,16 @@ typedef struct {
     uint32_t n_segments;
     const uint64_t *words;
 
-    const int64_t *operations, *banks;
+    const int64_t *rows, *banks;
+    const Range *phases; /* as layout.h counts them */
     const Kernel *functions;
     const char *const *labels; /* of each function: the block and the function's name */
     const char *const *blocks; /* of each function: the block */
 
     uint64_t n_states;
-    uint64_t x, w, start, sum, d; /* the vectors of states, see engine.py */
+    uint64_t x, w, begun, sum, d, slopes; /* the vectors of states, see loop.py */
     uint64_t published, n_published, published32, n_published32; /* what else has to be finite */
 
-    Range initial;         /* calculated parameters, start values, outputs at the start time */
-    Range calculate;       /* calculated parameters; the first part of `initial` */
-    Range point, between;  /* at a communication point, and between two */
-    Range held;            /* outputs while sampled blocks hold theirs */
-    Range derivatives;     /* derivatives of all states from what is published */
-    Range update;          /* the next values of sampled states */
     const Started *started;
     uint32_t n_started;
     const int64_t *periods; /* of sampled blocks, in steps */

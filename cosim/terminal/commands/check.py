@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from cosim.engine import simulation, table
+from cosim.engine import compilation, program
 from cosim.terminal import inspection
 from cosim.terminal.commands.options import diagram_arguments, load_network
 
@@ -20,6 +20,6 @@ def run(options: argparse.Namespace) -> int:
     """Compile what a run needs, so that what it would refuse is refused; print blocks, wires, order, conditions."""
     network = load_network(options, code=not options.no_code)
     if not options.no_code:
-        simulation.compile_table(table.build(network, network.diagram.run.method))
+        compilation.compile_program(program.build(network, network.diagram.run.method))
     inspection.print_network(network)
     return 0

@@ -12,7 +12,7 @@ from cosim.results import comparison
 from cosim.results.comparison import Comparison
 from cosim.results.formatting import format_change, format_value
 from cosim.results.metrics import for_json
-from cosim.study.tables import Table
+from cosim.study.tables import TextTable
 from cosim.terminal import study_display
 from cosim.terminal.exits import DIFFERENT, DONE
 from cosim.terminal.screen import say
@@ -66,7 +66,7 @@ def _tolerance(text: str) -> float:
     return value
 
 
-def _metrics(result: Comparison) -> Table:
+def _metrics(result: Comparison) -> TextTable:
     """The metrics of both, and what changed from the first to the second."""
     first, second = result.metrics
     rows = []
@@ -76,4 +76,4 @@ def _metrics(result: Comparison) -> Table:
         rows.append([name, *values, change])
     stems = [path.stem for path in result.paths]
     names = stems if stems[0] != stems[1] else map(str, result.paths)
-    return Table("", ["metric", *names, "change"], rows)
+    return TextTable("", ["metric", *names, "change"], rows)

@@ -8,10 +8,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cosim.engine.run import ENGINES, Outcome, Run
+from cosim.engine.outcome import Outcome
+from cosim.engine.run import ENGINES, Run
 from cosim.errors import CosimError
 from cosim.machine import files
-from cosim.results import result_file
+from cosim.results import csv_table, result_file
 from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED
@@ -33,10 +34,12 @@ def run(options: argparse.Namespace) -> int:
     result_file.refuse_foreign(output)
     files.require_ending(output, "a result", "nc")
     if options.csv:
-        result_file.refuse_foreign_csv(options.csv)
+        csv_table.refuse_foreign_csv(options.csv)
         files.require_ending(options.csv, "a table", "csv")
     run = Run(network, options.engine, output, options.began)
-    previous = result_file.read_metrics(output, run.reductions) if output.exists() and output.stat().st_size else None
+    previous = (
+        result_file.read_metrics(output, run.reductions.meanings) if output.exists() and output.stat().st_size else None
+    )
     with screen.Progress(network.diagram.run.stop) as progress:
         outcome = run.execute(progress.update)
     if options.json:
@@ -47,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         screen.print_errors(outcome.error)
     if options.csv:
         with result_file.open_result(output) as result:
-            result_file.write_csv(options.csv, result)
+            csv_table.write_csv(options.csv, result)
     return _exit_code(outcome)
 
 

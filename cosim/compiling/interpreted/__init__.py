@@ -1,0 +1,1 @@
+"""Authors' functions as plain Python whose numbers behave as in compiled kernels, to the bit."""

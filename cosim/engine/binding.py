@@ -1,0 +1,101 @@
+"""Binds a program to an engine: an address for each call, a control block that says where everything is."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Callable, Sequence
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from cosim.engine import interpretation, loop
+from cosim.engine.compilation import Kernels
+from cosim.engine.probes import Buffers
+from cosim.engine.program import Program
+from cosim.machine import memory
+
+KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+_handles = count(1)
+
+
+class Binding:
+    """The loop over one arena. kernels: None interprets everything as plain Python.
+
+    commands: the loop's `run` and `execute`, of a time (s) and the addresses of arena and control block. causes: the
+    exceptions that interpreted functions raised.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        kernels: Kernels | None,
+        arena: np.ndarray,
+        control: np.ndarray,
+        zeros: Callable[[int], np.ndarray],
+    ) -> None:
+        self.causes: list[BaseException] = []
+        self._program = program
+        self._arena = arena
+        self._control = control
+        self._texts = zeros(interpretation.TEXT_BYTES)
+        self._keep: list[Any] = []  # what the loop finds by its address alone
+        calls = range(len(program.calls))
+        self.commands: dict[str, Callable[..., int]]
+        if kernels is None:
+            self._functions = [next(_handles) for _ in calls]
+            memory.interpreted.update((handle, self._python(n)) for n, handle in enumerate(self._functions))
+            weakref.finalize(self, _forget, self._functions)
+            self.commands = {"run": loop.run, "execute": loop.execute}
+        else:
+            self._functions = [self._address(kernels, n) for n in calls]
+            assert kernels.loop is not None
+            compiled = kernels.loop.load()
+            self.commands = {name: KERNEL(compiled.address(name)) for name in ("run", "execute")}
+
+    def _address(self, kernels: Kernels, n: int) -> int:
+        call = self._program.calls[n]
+        module = kernels.modules[call.component]
+        if module is not None:
+            foreign = self._program.network.components[call.component].declaration.foreign
+            return module.load().address(foreign.kernel.__name__ if foreign else call.function.name)
+        python = self._python(n)
+        thunk = KERNEL(lambda time, base, frame: python(time))
+        self._keep.append(thunk)
+        return ctypes.cast(thunk, ctypes.c_void_p).value or 0
+
+    def _python(self, n: int) -> Callable[[float], int]:
+        """The n-th call as plain Python."""
+        call = self._program.calls[n]
+        declaration = self._program.network.components[call.component].declaration
+        if foreign := declaration.foreign:
+            base = self._arena.ctypes.data
+            return lambda time: foreign.kernel(time, base, base + call.frame)
+        return interpretation.python_of(self._arena, call, declaration.compiled, self._texts, self.causes)
+
+    def fill(self, buffers: Buffers) -> None:
+        """Fill the control block."""
+        program, control = self._program, self._control
+        for word, array in (
+            (loop.ROWS, program.rows),
+            (loop.BANKS, program.banks),
+            (loop.PHASE, program.phase_words()),
+            (loop.FUNCTIONS, np.array(self._functions, np.int64)),
+            (loop.GROUPS, buffers.groups),
+            (loop.PROBES, buffers.rows),
+        ):
+            control[word] = array.ctypes.data
+            self._keep.append(array)
+        control[loop.N_GROUPS] = len(buffers.groups)
+        control[loop.STATES] = program.layout.states
+        control[loop.PUBLISHED], control[loop.N_PUBLISHED] = program.layout.published["float64"]
+        control[loop.PUBLISHED32], control[loop.N_PUBLISHED32] = program.layout.published["float32"]
+        control.view(np.float64)[loop.STEP_SIZE] = program.network.diagram.run.step
+        for name, offset in program.layout.vectors.items():
+            control[getattr(loop, name)] = offset
+
+
+def _forget(handles: Sequence[int]) -> None:
+    for handle in handles:
+        memory.interpreted.pop(handle, None)

@@ -1,0 +1,75 @@
+"""Why a run ended early: what a status of the loop, and what it left behind, say of whose fault it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cosim.authoring.variables import Local, State
+from cosim.engine import faults, loop
+from cosim.engine.layout import UNWRITTEN
+from cosim.engine.program import Program
+from cosim.engine.writer import Call
+from cosim.errors import BlockFailed, CosimError, Diverged
+
+KINDS = {"output": "output", "calculatedParameter": "calculated parameter"}
+
+
+def divergence(program: Program, arena: np.ndarray, offset: int, time: float) -> CosimError:
+    """The error for a value at an offset that the loop found to be not finite at a time (s)."""
+    signal, instance, element = program.owner(offset)
+    component, variable = program.network.components[signal.component], program.network.variable(signal)
+    value = arena[offset : offset + variable.dtype.itemsize].view(variable.dtype)[0]
+    mark = UNWRITTEN[variable.dtype]
+    if value.view(mark.dtype) == mark and (error := _unwritten(program, arena, time)):
+        return error
+    index = np.unravel_index(element, component.shape(variable)) if variable.shape else ()
+    place = f"[{','.join(str(int(i) + 1) for i in index)}]" if index else ""
+    member = f" of {component.fleet} {instance + 1}" if component.fleet else ""
+    what = f"is {value:.3g}, beyond {loop.LIMIT:.0e}" if np.isfinite(value) else f"is not finite ({value})"
+    is_state = isinstance(variable, State)
+    kind = "state" if is_state else KINDS.get(variable.causality, "local")
+    message = f"block {signal.component}: {kind} `{signal.variable}{place}`{member} {what} at t = {time:g} s"
+    fix = "try a smaller step, or look at what drives it" if is_state else "look at what it is computed from"
+    return Diverged(message, component.entry.position, fix)
+
+
+def _unwritten(program: Program, arena: np.ndarray, time: float) -> BlockFailed | None:
+    """The error for the first function, in the order of evaluation, that has not written a number of its own."""
+    for call in program.calls:
+        component = program.network.components[call.component]
+        if component.declaration.foreign:
+            continue
+        found = _left_out(call, arena)
+        if found is None:
+            continue
+        name, k, element = found
+        member = f" of {component.fleet} {k + 1}" if component.fleet else ""
+        message = f"block {component.name}: {call.function.name}() has not written `{element}`{member}"
+        fix = f"write every element of `{name}`, and of what it is computed from, before it is read"
+        if isinstance(component.declaration.variables.get(name), Local):
+            fix += "; if it is work space, declare it with finite=False"
+        return BlockFailed(f"{message} at t = {time:g} s", component.entry.position, fix)
+    return None
+
+
+def _left_out(call: Call, arena: np.ndarray) -> tuple[str, int, str] | None:
+    """What a call has not written: the argument, the instance, from 0, and its first such element."""
+    for name, place in zip(call.function.arguments, call.arguments, strict=True):
+        mark = UNWRITTEN.get(place.dtype) if place and name in call.function.writes else None
+        if place is None or mark is None:
+            continue
+        for k in range(call.count):
+            left = np.argwhere(place.view(arena, k).view(mark.dtype) == mark)
+            if len(left):
+                return name, k, f"{name}[{','.join(str(i + 1) for i in left[0])}]" if len(left[0]) else name
+    return None
+
+
+def failure(program: Program, arena: np.ndarray, call: Call, time: float, interpreted: bool) -> BlockFailed:
+    """The error for a call of an author's function that failed."""
+    fault = faults.left(arena.ctypes.data + call.frame) or faults.Fault("an error", time, 0)
+    component = program.network.components[call.component]
+    member = f" of {component.fleet} {fault.instance + 1}" if component.fleet else ""
+    message = f"block {call.component}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
+    fix = "set a breakpoint in the block" if interpreted else "run with `--engine python` to step through it"
+    return BlockFailed(message, component.entry.position, fix)

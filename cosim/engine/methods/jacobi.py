@@ -1,0 +1,46 @@
+"""Jacobi: every block takes the whole step by itself, with its inputs held at what was published at its begin.
+
+    for each block B, in any order:
+        x_B ← integrate d_B(τ, x_B, u_B(t)) from t to t + h        (a foreign block steps by itself)
+    then publish all x_B at once
+
+Coupling is of first order, whatever the integrators' order. What a block integrates is hidden in W until all have
+stepped; where every block does a single Euler step, all derivatives come first, and one bank in place is enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cosim.engine.writer import Writer
+from cosim.wiring.network import Component, Task
+from cosim.wiring.order import has_turn
+
+
+def advance(writer: Writer, tasks: Sequence[Task]) -> None:
+    """Write ADVANCE. tasks: all outputs and joins, in the order of their evaluation."""
+    components = list(writer.network.components.values())
+    continuous = [component for component in components if component.declaration.continuous()]
+    single = all(component.takes_one_euler_step for component in continuous)
+    banks = _at_once(writer, continuous) if single else [_bank(writer, component) for component in continuous]
+    begin = writer.begin()
+    for component in filter(has_turn, components):
+        writer.call_kind(component, "step")
+    for bank in banks:
+        writer.integrate(bank)
+    if not single:
+        writer.publish_states()
+    writer.phase("ADVANCE", begin)
+
+
+def _at_once(writer: Writer, components: Sequence[Component]) -> list[int]:
+    """One bank of all states, each block's derivatives at what is published."""
+    first = writer.derivatives(components)
+    none = (first[1], first[1])
+    return [writer.bank((0, writer.layout.states), True, "euler", 1, first, none)] if components else []
+
+
+def _bank(writer: Writer, component: Component) -> int:
+    first = writer.derivatives([component])
+    inner = writer.stage(component, hidden=True)
+    return writer.bank(writer.part(component), False, component.integrator, component.inner_steps, first, inner)

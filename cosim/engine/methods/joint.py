@@ -1,0 +1,39 @@
+"""Joint: all continuous states as one system, all outputs evaluated anew at every stage.
+
+    x ← integrate d(τ, x, outputs(τ, x)) from t to t + h, with x the states of all blocks
+
+So coupling is of the integrator's order. Sampled outputs stay as they are. A block that steps by itself cannot join.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cosim.engine.writer import Writer
+from cosim.errors import FmuError
+from cosim.wiring.network import Component, Task
+from cosim.wiring.order import is_sampled
+
+
+def advance(writer: Writer, tasks: Sequence[Task]) -> None:
+    """Write ADVANCE. tasks: all outputs and joins, in the order of their evaluation. Raises: FmuError."""
+    components = list(writer.network.components.values())
+    _refuse_steps(components)
+    first = writer.derivatives(components)
+    inner = writer.begin()
+    writer.tasks(task for task in tasks if not is_sampled(writer.network.components[task.component]))
+    writer.derivatives(components)
+    run = writer.network.diagram.run
+    states = 0, writer.layout.states
+    bank = writer.bank(states, True, run.integrator, run.inner_steps, first, writer.end(inner))
+    begin = writer.begin()
+    writer.integrate(bank)
+    writer.phase("ADVANCE", begin)
+
+
+def _refuse_steps(components: Sequence[Component]) -> None:
+    for component in components:
+        if component.declaration.kind("step"):
+            said = "a co-simulation FMU steps by itself, so it cannot be integrated jointly"
+            fix = "choose another run.method, or model exchange"
+            raise FmuError(f"block {component.name}: {said}", component.entry.type.position, fix)

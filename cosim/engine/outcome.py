@@ -1,0 +1,72 @@
+"""How a run ended: its figures, what happened along it, what failed, what to be warned of."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from cosim.errors import CosimError
+from cosim.results import metrics as reductions
+from cosim.wiring.network import Finding, Signal
+
+
+@dataclass
+class Event:
+    """A boolean output that says something happened: what, and when each member saw it first."""
+
+    signal: Signal
+    text: str
+    times: Any
+
+
+@dataclass
+class Outcome:
+    """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
+
+    seconds: wall-clock time of each part. signal: the number of the signal that interrupted it, or 0.
+    """
+
+    diagram: str
+    status: str
+    steps: int
+    method: str
+    engine: str
+    kernels_compiled: int
+    seconds: dict[str, float]
+    metrics: dict[str, Any]
+    results: str | None
+    error: CosimError | None = None
+    signal: int = 0
+    termination: CosimError | None = None  # who asked for the end, which is one of the warnings too
+    events: list[Event] = field(default_factory=list)
+    warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
+    conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
+    units: dict[str, str] = field(default_factory=dict)
+    windows: dict[str, str] = field(default_factory=dict)
+    swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
+
+    @property
+    def reason(self) -> str:
+        """Why the run ended before its time, or nothing."""
+        ended = self.error or self.termination
+        return ended.message if ended else ""
+
+    @property
+    def verdicts(self) -> list[dict[str, Any]]:
+        """The conditions as JSON has them."""
+        return [asdict(finding) for finding in self.conditions]
+
+    def as_json(self) -> str:
+        """One JSON object, as of `for_json`."""
+        names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
+        content = {name: getattr(self, name) for name in names}
+        if self.error:
+            content["error"] = str(self.error)
+        if self.warnings:
+            content["warnings"] = [str(warning) for warning in self.warnings]
+        if self.conditions:
+            content["conditions"] = self.verdicts
+        if self.swaps:
+            content["swaps"] = self.swaps
+        return json.dumps(reductions.for_json(content), ensure_ascii=False)

@@ -1,0 +1,119 @@
+"""What a run makes of its trajectories as they come: metrics, events, what conditions are judged by."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cosim.authoring.variables import Local, Output
+from cosim.engine.courses import Courses
+from cosim.engine.outcome import Event
+from cosim.engine.probes import Samples
+from cosim.engine.simulation import Simulation
+from cosim.errors import CosimError, MetricError
+from cosim.results import metrics
+from cosim.results.metrics import Events, Final, Reduction
+from cosim.wiring import conditions, windows
+from cosim.wiring.network import Finding, Network, Signal
+
+
+class Reductions:
+    """The figures of one run. metrics: signal and reduction, by name; warnings: of windows that the run does not reach.
+
+    Raises: DiagramErrors with every MetricError.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+        self.metrics, self.warnings = windows.reduced(network)
+        self._events = _events(network)
+        self._courses = _courses(network)
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """What has to be seen at every step."""
+        reduced = [s for s, r in (*self.metrics.values(), *self._events.values()) if not self._at_end(r)]
+        return tuple(dict.fromkeys([*reduced, *self._courses]))
+
+    def _at_end(self, reduction: Reduction) -> bool:
+        """Whether a reduction looks at the signal's last value alone."""
+        last = isinstance(reduction, Final) and reduction.reaches(self.network.diagram.run.stop)
+        return last or isinstance(reduction, Events)
+
+    @property
+    def meanings(self) -> dict[str, str]:
+        """What each metric is, in words: two of one name that differ here are not to be compared."""
+        return {name: f"{reduction} of {signal}" for name, (signal, reduction) in self.metrics.items()}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each metric."""
+        return {name: _unit(self.network, *pair) for name, pair in self.metrics.items()}
+
+    @property
+    def windows(self) -> dict[str, str]:
+        """The reduction of each metric and its window, in words."""
+        return {name: str(reduction) for name, (_, reduction) in self.metrics.items()}
+
+    def update(self, samples: Samples) -> None:
+        """Take a batch of `signals`."""
+        for signal, reduction in (*self.metrics.values(), *self._events.values()):
+            if not self._at_end(reduction):
+                reduction.update(samples.times, samples.values[signal])
+        for signal, courses in self._courses.items():
+            courses.update(samples.times, samples.values[signal])
+
+    def values(self, simulation: Simulation) -> tuple[dict[str, Any], CosimError | None]:
+        """The metrics' values, and why one of them has none where that is a mistake."""
+        now, wrong = np.array([simulation.time]), None
+        values: dict[str, Any] = dict.fromkeys(self.metrics)
+        for name, (signal, reduction) in self.metrics.items():
+            if self._at_end(reduction):
+                reduction.update(now, simulation.value(signal)[None])
+            try:
+                values[name] = reduction.value()
+            except MetricError as error:
+                wrong = wrong or windows.named(self.network.diagram.metrics[name], error)
+        return values, wrong
+
+    def events(self) -> list[Event]:
+        """What happened so far."""
+        return [
+            Event(signal, _event_text(self.network, signal), times)
+            for signal, reduction in self._events.values()
+            if (times := reduction.value())
+        ]
+
+    def conditions(self) -> list[Finding]:
+        """The conditions along the run so far; none if it has seen nothing."""
+        if not all(courses.seen for courses in self._courses.values()):
+            return []
+        seen = {signal: courses.of_members() for signal, courses in self._courses.items()}
+        return conditions.judge_run(self.network, seen)
+
+
+def _courses(network: Network) -> dict[Signal, Courses]:
+    """What the conditions that are judged after the run have to know of it."""
+    signals = {signal for _, _, signals in conditions.along(network) for signal in signals}
+    return {signal: Courses(network.components[signal.component].count) for signal in signals}
+
+
+def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:
+    """The boolean outputs that report something, with the times at which they first do."""
+    found = {}
+    for signal in network.signals():
+        if _event_text(network, signal):
+            first = metrics.reduction("first", dtype=bool, shape=network.shape(signal))
+            found[signal] = signal, first
+    return found
+
+
+def _event_text(network: Network, signal: Signal) -> str:
+    variable = network.variable(signal)
+    return variable.event if isinstance(variable, (Output, Local)) else ""
+
+
+def _unit(network: Network, signal: Signal, reduction: Reduction) -> str:
+    unit = reduction.unit or network.variable(signal).unit
+    return unit if isinstance(unit, str) else ""

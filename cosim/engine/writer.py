@@ -1,0 +1,168 @@
+"""Writes rows: calls with their frames, copies, banks of states with the rows that give their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.authoring.declaration import Function
+from cosim.compiling.frame import frame_of
+from cosim.engine import loop
+from cosim.engine.layout import Layout, Place
+from cosim.integrators import INTEGRATORS
+from cosim.wiring import order
+from cosim.wiring.network import Component, Network, Signal, Task
+
+Range = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Call:
+    """What a row calls: a function of a component, with the offset of its frame and the places of its arguments."""
+
+    component: str
+    function: Function
+    count: int
+    frame: int
+    arguments: tuple[Place | None, ...]  # None for `time`
+
+
+class Writer:
+    """Appends rows, and remembers which belong to which phase.
+
+    started: the row after which a state is set that a start function computes. at_end: whether a row is done at the
+    end of a step, every: at which communication points.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.network: Network = layout.network
+        self.rows: list[list[int]] = []
+        self.banks: list[list[int]] = []
+        self.calls: list[Call] = []
+        self.phases: dict[str, Range] = {}
+        self.started: list[tuple[int, Signal]] = []
+        self._tableaus: dict[str, int] = {}
+
+    def begin(self) -> int:
+        """Where the next row goes."""
+        return len(self.rows)
+
+    def end(self, begin: int) -> Range:
+        """The rows since then."""
+        return begin, len(self.rows)
+
+    def phase(self, name: str, begin: int) -> None:
+        """The rows since then are a phase of the program."""
+        self.phases[name] = self.end(begin)
+
+    # ---- rows ----
+
+    def copy(self, to: int, source: int, size: int, every: int = 1) -> None:
+        """Copy so many bytes, in whole words."""
+        self._row(loop.COPY, to, source, -(-size // 8), every)
+
+    def integrate(self, bank: int) -> None:
+        """Integrate a bank over a communication step."""
+        self._row(loop.INTEGRATE, bank)
+
+    def call(
+        self, component: Component, function: Function, stage: bool = False, at_end: bool = False, every: int = 1
+    ) -> None:
+        """Call a function; stage: on the states (and outputs) of an integration's stage."""
+        places = {name: self.layout.argument(component, name, stage) for name in function.arguments}
+        frame = frame_of(component.declaration, function, component.constants())
+        sizes = {name: component.axes[name].size for name in frame.dimensions}
+        placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None}
+        offset = self.layout.constant(np.array(frame.words(component.count, sizes, placed), np.int64))
+        self._row(loop.CALL, len(self.calls), offset, every=every, at_end=at_end)
+        self.calls.append(Call(component.name, function, component.count, offset, tuple(places.values())))
+
+    def call_kind(self, component: Component, kind: str, every: int = 1) -> None:
+        """The functions of one kind of a component."""
+        for function in component.declaration.kind(kind):
+            self.call(component, function, every=every)
+
+    def start(self, task: Task) -> None:
+        """Evaluate for the first time; a start value that the diagram gives wins over a computed one."""
+        self.tasks([task])
+        component = self.network.components[task.component]
+        for function in component.declaration.kind("start"):
+            if function.name == task.function:
+                row = len(self.rows) - 1
+                self.started += [(row, Signal(component.name, name)) for name in sorted(function.writes)]
+                for name in sorted(function.writes & component.given):
+                    place = self.layout.places[Signal(component.name, name)]
+                    size = component.count * component.nbytes(component.declaration.variables[name])
+                    self.copy(place.offset, self.layout.shadow(component, name), size)
+
+    def publish_states(self, component: Component | None = None) -> None:
+        """Publish the states that an integration has left in W, of one component or all."""
+        self._copy_states("X", "W", component)
+
+    def stage_states(self, component: Component) -> None:
+        """Have an integration begin in W with what is published."""
+        self._copy_states("W", "X", component)
+
+    def _copy_states(self, to: str, source: str, component: Component | None) -> None:
+        begin, end = self.part(component) if component else (0, self.layout.states)
+        vectors = self.layout.vectors
+        self.copy(vectors[to] + 8 * begin, vectors[source] + 8 * begin, 8 * (end - begin))
+
+    def tasks(self, tasks: Iterable[Task], at_end: bool = False) -> None:
+        """Evaluate, in order: outputs, sampled ones when they are due, and joins of several sources."""
+        for task in tasks:
+            component = self.network.components[task.component]
+            if task.function:
+                function = next(f for f in component.declaration.functions if f.name == task.function)
+                every = component.every if order.is_sampled(component) and function.kind == "outputs" else 1
+                self.call(component, function, at_end=at_end, every=every)
+            else:
+                self._join(component, task.port)
+
+    def _join(self, component: Component, port: str) -> None:
+        to = self.layout.places[Signal(component.name, port)].offset
+        for source in component.wires[port]:
+            size = self.layout.bytes_of(source)
+            self.copy(to, self.layout.offset_of(source), size)
+            to += size
+
+    def _row(self, kind: int, a: int, b: int = 0, c: int = 0, every: int = 1, at_end: bool = False) -> None:
+        self.rows.append([kind, a, b, c, every, int(at_end)])
+
+    # ---- integration ----
+
+    def derivatives(self, components: Iterable[Component], stage: bool = False) -> Range:
+        """The derivatives of components; stage: of the states of an integration's stage."""
+        begin = self.begin()
+        for component in components:
+            for function in component.declaration.kind("derivatives"):
+                self.call(component, function, stage)
+        return self.end(begin)
+
+    def stage(self, component: Component, hidden: bool) -> Range:
+        """A component's derivatives at a stage; hidden: its states are not where the published ones are."""
+        begin = self.begin()
+        for function in order.needed_outputs(component):
+            self.call(component, function, stage=True)
+        self.derivatives([component], stage=hidden)
+        return self.end(begin)
+
+    def bank(self, part: Range, in_place: bool, integrator: str, inner_steps: int, first: Range, inner: Range) -> int:
+        """States that are integrated together; part: of the state vector; first, inner: the rows that give derivatives,
+        from what is published and at a stage; in_place: stages are written over what is published."""
+        tableau = INTEGRATORS[integrator]
+        if integrator not in self._tableaus:
+            self._tableaus[integrator] = self.layout.constant(np.array(tableau.words()))
+        row = [*part, int(in_place), inner_steps, *first, *inner, tableau.count, self._tableaus[integrator]]
+        self.banks.append(row)
+        return len(self.banks) - 1
+
+    def part(self, component: Component) -> Range:
+        """Where a component's continuous states are in the state vector."""
+        states = component.declaration.continuous()
+        first = self.layout.places[Signal(component.name, states[0].name)]
+        at = (first.offset - self.layout.vectors["X"]) // 8
+        return at, at + sum(component.count * component.nbytes(s) for s in states) // 8

@@ -1,0 +1,99 @@
+"""From nothing to Initialization Mode: instances are made, and get their parameters and start values."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from cosim.authoring.variables import Parameter
+from cosim.errors import WrongValue
+from cosim.fmu import fields, messages
+from cosim.fmu.fmi import NewInstance
+from cosim.fmu.handles import Handles
+from cosim.fmu.ports import Port
+from cosim.fmu.trace import FmuTrace
+
+
+class Initialization:
+    """The first calls of the instances of a block.
+
+    fmu: a `cosim.fmu.importer.Fmu`. component: its block in the network. members: which of its instances, from 0.
+    """
+
+    def __init__(self, fmu: Any, component: Any, members: range, trace: FmuTrace, handles: Handles) -> None:
+        self._fmu = fmu
+        self._component = component
+        self._members = members
+        self._trace = trace
+        self._handles = handles
+
+    def instantiate(self, k: int) -> None:
+        """Make instance k. Raises: FmuError, FmuFailed."""
+        fmu, component = self._fmu, self._component
+        resources = fmu.folder / "resources"
+        resources.mkdir(exist_ok=True)
+        logging, categories = _categories(fmu.description)
+        new = NewInstance(
+            name=f"{component.name}_{self._members[k] + 1}" if component.fleet else component.name,
+            token=fmu.description.guid or "",
+            resources=resources,
+            kind=fmu.kind,
+            early=fmu.kind == fields.EVENT_CO_SIMULATION and bool(fmu.interface.mightReturnEarlyFromDoStep),
+            logging=logging,
+            logger=messages.logger(fmu.version.number),
+            environment=self._trace.messages[k].environment,
+        )
+        self._handles.make(new)
+        if categories:
+            names = (ctypes.c_char_p * len(categories))(*[c.encode() for c in categories])
+            self._handles.call(k, "SetDebugLogging", 1, len(categories), ctypes.addressof(names))
+
+    def enter(self, k: int) -> None:
+        """Set parameters and start values of instance k, and have it enter Initialization Mode.
+
+        Raises: FmuError, FmuFailed, WrongValue.
+        """
+        fmu, given = self._fmu, self._component.values
+        for call in fmu.version.setup:
+            self._handles.call(k, *call)
+        for name, port in fmu.ports.items():
+            if name in given and self._is_given(name, port):
+                self._set(k, name, port, given[name][self._members[k] if len(given[name]) > 1 else 0])
+        self._handles.call(k, *fmu.version.entry)
+
+    def _is_given(self, name: str, port: Port) -> bool:
+        """Whether a value has to be set, because it is not the FMU's own. Raises: WrongValue."""
+        component = self._component
+        if port.causality == "input":
+            return False  # set with the other inputs
+        variable = component.declaration.variables[name]
+        if isinstance(variable, Parameter):
+            own = port.start()
+            return name in component.given or own is None or bool(np.any(component.values[name] != np.array(own)))
+        if name in component.given and not port.can_start:
+            message = f"block {component.name}: `{self._fmu.name}` calculates `{name}`, which has no start value"
+            raise WrongValue(message, component.entry.start[name].position, "remove this start value")
+        return name in component.given
+
+    def _set(self, k: int, name: str, port: Port, value: np.ndarray) -> None:
+        references = np.array(port.references, np.uint32)
+        if port.is_string:
+            data: Any = (ctypes.c_char_p * 1)(str(value).encode())
+            address = ctypes.addressof(data)
+        else:
+            narrow = port.code in (fields.INTEGER32, fields.BOOLEAN32)
+            data = np.ascontiguousarray(value, np.int32 if narrow else port.dtype)
+            address = data.ctypes.data
+        counts = self._fmu.version.counts(port.size)
+        arguments = (references.ctypes.data, len(references), address, *counts)
+        self._handles.call(k, f"Set{port.accessor}", *arguments, about=name)
+
+
+def _categories(description: Any) -> tuple[bool, list[str]]:
+    """Whether to switch logging on, and for which categories: those of what goes wrong, where others would be noise."""
+    names = [c.name for c in description.logCategories if c.name]
+    telling = [n for n in names if any(w in n.lower() for w in ("error", "fatal", "warning", "discard"))]
+    noisy = set(names) - set(telling) - {"logAll"}
+    return bool(telling) or not names, telling if noisy else []

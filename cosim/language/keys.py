@@ -1,0 +1,190 @@
+"""Every key of a diagram, declared once: its type and range, the blocks it goes with, its default, a line of help.
+
+The grammar, the reading of values, the words of mistakes and `cosim keys` come from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from cosim.errors import WrongType, WrongValue
+from cosim.integrators import INTEGRATORS
+from cosim.language.reader import MOST, Reader
+from cosim.language.source import Node, describe
+
+ANY = "*"
+TYPES = ("block", "python", "fmu", "diagram")
+NATIVE = ("block", "python", "fmu")
+METHODS = ("jacobi", "gauss-seidel", "joint")
+REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
+MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
+
+
+@dataclass(frozen=True)
+class Type:
+    """What a value may be: how it is read (of what is none, the default or None is left), and in words.
+
+    known: the words of which it is one, also those that are added later.
+    """
+
+    read: Callable[[Reader, Node, str, Any], Any]
+    meaning: str = ""
+    known: Iterable[str] = ()
+
+    @property
+    def words(self) -> str:
+        """What may be written."""
+        return self.meaning or " | ".join(self.known)
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of the YAML. below: the keys of a section, ANY for names that the user gives; none for a value.
+
+    kinds: of block that it goes with. example: of what to write where it is missing. layer: what stands below lies over
+    another tree, where `~` takes away what that says.
+    """
+
+    help: str
+    type: Type | None = None
+    default: Any = None
+    unit: str = ""
+    kinds: tuple[str, ...] = TYPES
+    example: str = ""
+    below: Mapping[str, Key] = field(default_factory=dict)
+    layer: bool = False
+
+
+# ---- types ----
+
+
+def choice(known: Iterable[str]) -> Type:
+    """One of some words; what is added to them later counts."""
+    return Type(lambda reader, node, where, _: reader.choice(node, where, known), known=known)
+
+
+def count(most: int = MOST) -> Type:
+    """A whole number from 1."""
+    words = "whole number from 1" + (f" to {most}" if most < MOST else "")
+    return Type(lambda reader, node, where, _: reader.count(node, where, most), words)
+
+
+TEXT = Type(lambda reader, node, where, _: reader.text(node, where) or None, "text")
+TRUTH = Type(lambda reader, node, where, _: reader.truth(node, where), "true or false")
+NUMBER = Type(lambda reader, node, where, default: reader.number(node, where, default), "number")
+POSITIVE = Type(
+    lambda reader, node, where, default: reader.positive(node, where, math.nan if default is None else default),
+    "number above zero",
+)
+SIGNAL = Type(lambda reader, node, where, _: node if reader.endpoint(node, where) else None, "block.port")
+NAMES = Type(lambda reader, node, where, _: node, "text, or a list of such")
+ANYTHING = Type(lambda reader, node, where, _: node)
+
+
+def _size(reader: Reader, node: Node, where: str, _: Any) -> int | None:
+    """A whole number from 1; None where a mistake keeps it from being known."""
+    before = len(reader.problems.errors)
+    size = reader.count(node, where)
+    return size if len(reader.problems.errors) == before else None
+
+
+def _sources(reader: Reader, node: Node, where: str, _: Any) -> Any:
+    """What an input reads; an empty list where a mistake keeps that from being known."""
+    if node.value == []:
+        reader.wrong(node, f"`{where}` is an empty list", "name what it reads, such as plant.x", WrongValue)
+    return node.value if reader.endpoints(node, where) else []
+
+
+def _data(reader: Reader, node: Node, where: str, _: Any) -> Any:
+    return node.value if _is_data(reader, node, where) else None
+
+
+def _is_data(reader: Reader, node: Node, where: str) -> bool:
+    """Whether a value is a scalar or nested lists of such, else a report."""
+    if isinstance(node.value, list):
+        return all([_is_data(reader, child, where) for child in node.value])
+    if isinstance(node.value, dict) or node.value is None:
+        fix = "write a number or a list such as [1, 2]"
+        message = f"`{where}` must be a number, a text or a list, not {describe(node)}"
+        reader.wrong(node, message, fix, WrongType)
+        return False
+    return True
+
+
+SIZE = Type(_size, "whole number from 1")
+SOURCES = Type(_sources, "block.port, or a list of such")
+DATA = Type(_data, "number, text, or lists of them")
+NAMED = {ANY: Key("", ANYTHING)}
+
+# ---- the keys ----
+
+BLOCK: dict[str, Key] = {
+    "block": Key("a block type of the library, see `cosim blocks`", TEXT),
+    "python": Key("a block type of your own, file.py:Class", TEXT),
+    "fmu": Key("an FMU", TEXT),
+    "diagram": Key("a diagram as a block", TEXT),
+    "per": Key("the fleet for each of whose members there is one", TEXT),
+    "parameters": Key("values, by parameter", below={ANY: Key("", DATA)}),
+    "start": Key("start values, by state or input", below={ANY: Key("", DATA)}),
+    "inputs": Key("what each input reads", below={ANY: Key("", SOURCES)}),
+    "dimensions": Key("sizes, by dimension", below={ANY: Key("", SIZE)}),
+    "period": Key("how often a sampled block is due", POSITIVE, unit="s", kinds=NATIVE),
+    "integrator": Key("its own integrator; none: that of the run", choice(INTEGRATORS), kinds=NATIVE),
+    "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
+    "ports": Key("the FMU's variable behind each name of ours", below={ANY: Key("", TEXT)}, kinds=("fmu",)),
+    "mode": Key("which interface of an FMU", choice(("co-simulation", "model-exchange")), kinds=("fmu",)),
+    "isolate": Key("whether an FMU gets a process of its own", TRUTH, False, kinds=("fmu",)),
+    "drop": Key("what was written for the type that this one replaces, and goes with it", NAMES),
+}
+RUN: dict[str, Key] = {
+    "stop": Key("when it ends", POSITIVE, unit="s", example="30"),
+    "step": Key("the communication step", POSITIVE, unit="s", example="1.0e-3"),
+    "method": Key("how blocks are coupled", choice(METHODS), "jacobi"),
+    "integrator": Key("of continuous states", choice(INTEGRATORS), "euler"),
+    "inner_steps": Key("in how many steps of theirs a step is integrated", count(MOST_INNER_STEPS), 1),
+    "patience": Key("how long a call of an FMU may give no sign of life", POSITIVE, 10.0, unit="s"),
+}
+RECORD: dict[str, Key] = {
+    "period": Key("how often; none: at every step", POSITIVE, unit="s"),
+    "signals": Key("what is recorded, block.port each", ANYTHING),
+}
+METRIC: dict[str, Key] = {
+    "signal": Key("what is reduced", SIGNAL, example="block.port"),
+    "reduce": Key("how", choice(REDUCTIONS)),
+    "from": Key("where its window begins", NUMBER, 0.0, unit="s"),
+    "to": Key("where it ends; none: at the end", NUMBER, math.inf, unit="s"),
+}
+DIAGRAM: dict[str, Key] = {
+    "title": Key("what it is called; none: as its file", TEXT),
+    "extends": Key("the diagram that this one lies over", TEXT),
+    "run": Key("how long, in what steps, how", below=RUN),
+    "fleets": Key("how many members each fleet has", below={ANY: Key("", SIZE)}),
+    "blocks": Key("the blocks, by name", below={ANY: Key("", below=BLOCK)}),
+    "record": Key("what is written to the result file", below=RECORD),
+    "metrics": Key("figures of the run, by name", below={ANY: Key("", below=METRIC)}),
+    "inputs": Key("as a block of another diagram: the ports that each input drives", below=NAMED),
+    "outputs": Key("as a block of another diagram: the port that each output shows", below=NAMED),
+}
+
+
+def read_value(key: Key, node: Node, where: str, reader: Reader) -> Any:
+    """The value that a node gives a key; the default where it is a mistake."""
+    assert key.type, where
+    return key.type.read(reader, node, where, key.default)
+
+
+def read_section(keys: Mapping[str, Key], entries: Mapping[str, Node], where: str, reader: Reader) -> dict[str, Any]:
+    """The values of all keys of a section, the defaults of those that it leaves out."""
+    return {
+        name: read_value(key, entries[name], f"{where}.{name}", reader) if name in entries else key.default
+        for name, key in keys.items()
+    }
+
+
+def read_named(key: Key, entries: Mapping[str, Node], where: str, reader: Reader) -> dict[str, Node]:
+    """The values below a section of names that the user gives, each in its node; those left out that are mistakes."""
+    read = {name: read_value(key.below[ANY], node, f"{where}.{name}", reader) for name, node in entries.items()}
+    return {name: replace(entries[name], value=value) for name, value in read.items() if value is not None}

@@ -1,0 +1,63 @@
+"""What a result says of its run beside the samples: attributes of the file, some of them known at the end only."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cosim.results.metrics import for_json, from_json
+
+JSON = ("settings", "versions", "seconds", "metrics", "reductions", "conditions")
+#: What is known at the end only, with bytes set aside for it: what fits is written in place, so that at no instant is
+#: there a file whose header points to what is not yet on disk.
+LAST = {"message": 512, "steps": 0, "metrics": 2048, "seconds": 128, "conditions": 2048, "status": 16}
+
+
+def write(file: Any, attributes: Mapping[str, Any]) -> None:
+    """What is known when a run begins, and room for what is known at its end."""
+    for key, value in attributes.items():
+        file.attrs[key] = json.dumps(for_json(value)) if key in JSON else value
+    for key, size in LAST.items():
+        file.attrs[key] = np.array("running" if key == "status" else "", f"S{size}") if size else 0
+
+
+def write_last(file: Any, values: Mapping[str, Any]) -> None:
+    """What is known at the end of a run: a value for each key of LAST, in place if it fits."""
+    for key, size in LAST.items():
+        if key == "status":
+            file.flush()  # whoever finds a status finds the rest
+        text = (json.dumps(for_json(values[key])) if key in JSON else str(values[key])).encode()
+        if key == "steps":
+            file.attrs.get_id(key).write(np.array(values[key]))
+        elif len(text) <= size:
+            file.attrs.get_id(key).write(np.array(text, f"S{size}"))
+        else:
+            file.attrs[key] = text.decode()
+
+
+def read(file: Any) -> dict[str, Any]:
+    """All that a file says; of a run that is still going on, nothing that is known at the end only.
+
+    Raises: ValueError where it is damaged.
+    """
+    kept = {key: _plain(value) for key, value in file.attrs.items()}
+    if kept.get("status") == "running":
+        kept = {key: value for key, value in kept.items() if key == "status" or key not in LAST}
+    return {key: _read(key, value) for key, value in kept.items()}
+
+
+def _plain(value: Any) -> Any:
+    """An attribute as h5py has it, text always as text."""
+    return value.decode() if isinstance(value, bytes) else value
+
+
+def _read(key: str, value: Any) -> Any:
+    if key not in JSON:
+        return for_json(value)
+    found = json.loads(value)
+    if key in ("metrics", "reductions") and not isinstance(found, dict):
+        raise ValueError(f"its {key} are damaged")
+    return from_json(found) if key == "metrics" else found

@@ -1,0 +1,26 @@
+"""A recorded signal: what a result says of it beside its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recorded signal.
+
+    name: `block.port`. shape: of one sample, the fleet's axis first if the block is one `per:` fleet.
+    """
+
+    name: str
+    shape: tuple[int, ...] = ()
+    dtype: Any = float
+    fleet: str = ""
+    unit: str | tuple[str, ...] | None = None
+    description: str = ""
+    causality: str = "output"

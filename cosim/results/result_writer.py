@@ -1,0 +1,151 @@
+"""Writes a result file while the run goes on.
+
+Samples wait in memory until `flush`, so that between two flushes nothing on disk is touched: a process that is killed
+leaves the file as the last flush left it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import ResultError
+from cosim.machine import files
+from cosim.results import attributes, disk_space, netcdf_layout
+from cosim.results.recorded import Array, Recorded
+from cosim.results.result_errors import as_result_error
+from cosim.results.result_file import refuse_foreign
+from cosim.results.software_versions import versions
+
+WAITING_BYTES = 32 * 1024**2
+# The earliest format has no mark for "open for writing", which a process that is killed would leave set.
+LIBVER = ("earliest", "v110")
+
+
+def previous_path(path: str | Path) -> Path:
+    """Where the result that stood at `path` is kept when a new one takes its place."""
+    path = Path(path)
+    return path.with_name(f"{path.stem}.previous{path.suffix}")
+
+
+class ResultWriter:
+    """Writes one result file; as a context manager it closes the file with the status that the way out implies.
+
+    The file is made under a hidden name and takes the place of an older result only when it can be opened; the older
+    one stays as `<stem>.previous.nc`.
+
+    Raises: ResultError if the file cannot be written, or if something else than a result stands there.
+    """
+
+    def __init__(self, path: str | Path, signals: Sequence[Recorded], about: Mapping[str, Any]) -> None:
+        self.path = Path(path)
+        self._signals = {signal.name: signal for signal in signals}
+        self._waiting: list[tuple[Array, dict[str, Array]]] = []
+        self._waiting_bytes = 0
+        self._count = 0
+        refuse_foreign(self.path)
+        with as_result_error("write", self.path):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with files.fresh(self.path, keep=previous_path(self.path)) as new:
+                new.write_bytes(self._image(about))
+            self._open()
+
+    def append(self, times: Array, samples: Mapping[str, Array]) -> None:
+        """Keep a batch: times (k,) in s, and for every signal an array (k, *shape). The arrays are copied."""
+        batch = {}
+        for name, signal in self._signals.items():
+            if samples[name].shape != (len(times), *signal.shape):
+                raise ValueError(f"`{name}`: samples of shape {samples[name].shape}, not (k, *{signal.shape})")
+            batch[name] = np.array(samples[name], netcdf_layout.stored_type(signal))
+            self._waiting_bytes += batch[name].nbytes
+        self._waiting.append((np.array(times, float), batch))
+        if self._waiting_bytes > WAITING_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring everything appended so far into the file, on a full disk as much as it takes. Raises: ResultError."""
+        if not self._waiting:
+            return
+        times = np.concatenate([times for times, _ in self._waiting])
+        samples = {name: np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals}
+        with as_result_error("write", self.path):
+            variables = [self._time, *self._variables.values()]
+            rows, full = disk_space.reserve(self._file, variables, self._count, len(times))
+            count = self._count + rows
+            for name, variable in self._variables.items():
+                variable.resize(count, axis=0)
+                variable[self._count :] = samples[name][:rows]
+            self._time.resize(count, axis=0)
+            self._time[self._count :] = times[:rows]
+            self._file.flush()
+            # Only now: what breaks off in between has the next flush write the same samples to the same place again.
+            self._waiting, self._waiting_bytes, self._count = [], 0, count
+            if full:
+                raise full
+
+    def close(
+        self,
+        status: str,
+        message: str = "",
+        metrics: Mapping[str, Any] | None = None,
+        steps: int = 0,
+        seconds: Mapping[str, float] | None = None,
+        conditions: Sequence[Mapping[str, Any]] = (),
+    ) -> None:
+        """Flush, note how the run ended, and close.
+
+        status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
+        conditions: those that were judged along the run, with the fields of a `network.Finding`.
+        """
+        problem = None
+        try:
+            self.flush()
+        except ResultError as error:
+            problem, status, message = error, "failed", error.message
+        last: dict[str, Any] = {"status": status, "message": message, "steps": steps}
+        last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
+        with as_result_error("write", self.path):
+            attributes.write_last(self._file, last)
+            self._file.flush()
+            disk_space.give_back(self._file)
+            self._file.close()
+        if problem:
+            raise problem
+
+    def __enter__(self) -> ResultWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: Any) -> None:
+        if not self._file:
+            return
+        if error is None:
+            self.close("completed")
+            return
+        with suppress(ResultError):  # the error on its way out says more than the failure to note it
+            interrupted = isinstance(error, KeyboardInterrupt)
+            self.close("interrupted" if interrupted else "failed", "" if interrupted else str(error))
+
+    def _image(self, about: Mapping[str, Any]) -> bytes:
+        """The file without samples, made in memory."""
+        import h5py
+
+        head = {"created": datetime.now(UTC).isoformat(timespec="seconds"), "versions": versions()}
+        memory = {"driver": "core", "backing_store": False}
+        with h5py.File(self.path.name, "w", track_order=True, libver=LIBVER, **memory) as file:
+            attributes.write(file, {"title": "", **head, **about})
+            netcdf_layout.create(file, self._signals.values())
+            file.flush()
+            return file.id.get_file_image()
+
+    def _open(self) -> None:
+        import h5py
+
+        # Without locks a result can be watched while it grows, also on file systems that know no locks.
+        self._file = h5py.File(self.path, "r+", locking=False, libver=LIBVER)
+        self._time = self._file["time"]
+        self._variables = {name: self._file[netcdf_layout.netcdf_name(name)] for name in self._signals}

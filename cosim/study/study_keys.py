@@ -1,0 +1,77 @@
+"""Every key of a study, declared once, as those of a diagram are in `cosim.language.keys`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cosim.language.keys import (
+    ANY,
+    ANYTHING,
+    DATA,
+    DIAGRAM,
+    NAMED,
+    NUMBER,
+    TEXT,
+    TRUTH,
+    Key,
+    choice,
+    count,
+)
+from cosim.plot.figures import FIGURE
+from cosim.study import plan
+from cosim.study.definition import METHODS
+
+VALUES = {ANY: Key("", DATA)}
+OVERLAY = {name: replace(key, layer=True) for name, key in DIAGRAM.items() if name not in ("title", "extends")}
+VARIANT: dict[str, Key] = {
+    "diagram": Key("another diagram; none: that of the study", TEXT),
+    "description": Key("what it is, in words", TEXT, ""),
+    "swap": Key("block types to replace, by block, as of --swap", below=NAMED),
+    "set": Key("values to set, by path, as of --set", below=NAMED, layer=True),
+    **OVERLAY,
+}
+RANDOM: dict[str, Key] = {
+    "count": Key("how many draws of each variant and grid point", count(plan.MOST_MEMBERS), example="100"),
+    "seed": Key("whole number from 0; the same gives the same draws", ANYTHING, 0),
+    "method": Key("how draws are spread", choice(METHODS), METHODS[0]),
+    "draws": Key("what is drawn, by path: {uniform: [least, most]} or {normal: [mean, deviation]}", below=NAMED),
+    "accept": Key("bounds, by signal, that a draw has to keep at time zero: {least, most}", below=NAMED),
+}
+BOUNDS: dict[str, Key] = {
+    "least": Key("the lower bound", NUMBER, float("-inf")),
+    "most": Key("the upper bound", NUMBER, float("inf")),
+}
+COLUMN: dict[str, Key] = {
+    "metric": Key("which metric", ANYTHING),
+    "over": Key("how draws are reduced: a statistic, or a quantile from 0 to 1", ANYTHING),
+    "above": Key("the share of runs above this limit instead", NUMBER),
+    "below": Key("the share of runs below this limit instead", NUMBER),
+    "format": Key("of its numbers, such as .2e", ANYTHING),
+}
+TABLE: dict[str, Key] = {
+    "rows": Key("the dimensions that its rows are", ANYTHING),
+    "columns": Key("metrics, or headings with {metric, over, above, below, format}", ANYTHING),
+    "transpose": Key("whether rows and columns change places", TRUTH, False),
+}
+EXPLAIN: dict[str, Key] = {
+    "baseline": Key("the variant that others are compared with", ANYTHING),
+    "metric": Key("which metric", ANYTHING),
+    "above": Key("a failure is a value above this", NUMBER),
+    "below": Key("a failure is a value below this", NUMBER),
+}
+STUDY: dict[str, Key] = {
+    "title": Key("what it is called; none: as its file", TEXT),
+    "description": Key("what it is about, in words", TEXT, ""),
+    "diagram": Key("the diagram that it is about", TEXT, example="../formation.yaml"),
+    "variants": Key("changes of the diagram, by name", below={ANY: Key("", below=VARIANT)}),
+    "grid": Key("lists of values, by path", below=NAMED),
+    "random": Key("what is drawn at random", below=RANDOM),
+    "metrics": Key("names of those to keep, or definitions of further ones", ANYTHING),
+    "record": Key("true, or what is recorded of each run", ANYTHING),
+    "tables": Key("tables, by title", below={ANY: Key("", below=TABLE)}),
+    "references": Key(
+        "figures of others to compare with, by origin, variant and metric", below={ANY: Key("", below=NAMED)}
+    ),
+    "explain": Key("which runs failed, and what sets them apart", below=EXPLAIN),
+    "figures": Key("figures, by name", below={ANY: Key("", below=FIGURE)}),
+}

@@ -1,0 +1,96 @@
+"""One component for each block of a diagram: its class, its fleet, how it is timed, and the sizes that are given."""
+
+from __future__ import annotations
+
+from cosim.authoring.block import Block
+from cosim.errors import TooManyInstances, UnknownParameter, WrongValue, nearest
+from cosim.language.entry import BlockEntry
+from cosim.language.source import Node
+from cosim.wiring import library, replacing
+from cosim.wiring.draft import Draft
+from cosim.wiring.network import Axis, Component
+
+
+def draft_all(draft: Draft) -> None:
+    """Draft the component of each block that could be read, and note what is left out as its code may not run."""
+    for entry in draft.diagram.blocks.values():
+        if entry.kind == "python" and not draft.code:
+            draft.unchecked.append(entry.name)
+        elif entry.name not in draft.diagram.unread:
+            draft.problems.attempt(_draft, draft, entry)
+    draft.absent.report_fleets(draft.diagram.fleets, draft.problems)
+
+
+def _draft(draft: Draft, entry: BlockEntry) -> None:
+    block: type[Block] = library.find(entry)
+    swap = replacing.settle(entry, block.declaration, draft.problems, draft.code)
+    if swap:
+        draft.swaps.append(swap)
+    component = Component(entry.name, entry, block.declaration)
+    if per := entry.settings.get("per"):
+        fleet, fleets = per.value, draft.diagram.fleets
+        if fleet not in fleets:
+            draft.absent.fleets.setdefault(str(fleet), []).append(entry)
+            return
+        component.fleet, component.count = fleet, fleets[fleet]
+    _time(draft, component)
+    _count(draft, component)
+    _size(draft, component)
+    draft.components[entry.name] = component
+
+
+def _time(draft: Draft, component: Component) -> None:
+    """When it is sampled, or how it is integrated."""
+    given, run = component.entry.settings, draft.diagram.run
+    component.integrator = given["integrator"].value if "integrator" in given else run.integrator
+    component.inner_steps = given["inner_steps"].value if "inner_steps" in given else run.inner_steps
+    if "period" in given:
+        draft.problems.attempt(_sample, component, given["period"], run.step)
+    for key in ("integrator", "inner_steps"):
+        if key in given and not given[key].inherited:
+            draft.problems.attempt(_check_integration, component, key, given[key], run.method)
+
+
+def _sample(component: Component, period: Node, step: float) -> None:
+    """Raises: WrongValue."""
+    if not component.declaration.kind("update"):
+        message = f"block {component.name}: {component.declaration.name} is not sampled, so it takes no period"
+        raise WrongValue(message, period.position, "remove `period`, or give the block an update() function")
+    steps = float(period.value) / step
+    component.every = round(steps)
+    if component.every < 1 or abs(steps - component.every) > 1e-9 * steps:
+        message = f"block {component.name}: the period {period.value} s is no whole number of steps"
+        raise WrongValue(message, period.position, f"choose a multiple of run.step = {step} s")
+
+
+def _check_integration(component: Component, key: str, node: Node, method: str) -> None:
+    """Raises: WrongValue for an integrator of a block's own that would be ignored."""
+    if not component.declaration.continuous():
+        message = (
+            f"block {component.name}: {component.declaration.name} has no continuous states, so it takes no `{key}`"
+        )
+        raise WrongValue(message, node.place, f"remove `{key}`")
+    if method == "joint":
+        message = f"block {component.name}: `{key}` is ignored under `joint`, which integrates all blocks as one system"
+        raise WrongValue(message, node.place, f"remove it, set run.{key}, or choose another run.method")
+
+
+def _count(draft: Draft, component: Component) -> None:
+    most = component.declaration.most_instances
+    if most is not None and component.count > most:
+        count, name = component.count, component.entry.path.name
+        message = f"block {component.name}: {count} instances, but one process may have {most} of `{name}`"
+        draft.problems.add(TooManyInstances(message, component.entry.position, "write `isolate: true`"))
+
+
+def _size(draft: Draft, component: Component) -> None:
+    """The default sizes of dimensions, and those that the diagram gives."""
+    declaration = component.declaration
+    component.axes = {name: Axis(size.default) for name, size in declaration.dimensions.items()}
+    known = declaration.dimension_names()
+    for name, node in component.entry.dimensions.items():
+        if name in known:
+            component.axes[name] = Axis(int(node.value))
+        else:
+            message = f"block {component.name}: {declaration.name} has no dimension `{name}`"
+            draft.problems.add(UnknownParameter(message, node.key_position, nearest(name, known)))

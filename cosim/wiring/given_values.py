@@ -1,0 +1,117 @@
+"""A component's parameters and start values: what the diagram gives, defaults for the rest, and both as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cosim.authoring.variables import Parameter, State, Variable
+from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue, nearest
+from cosim.language.source import Node
+from cosim.language.values import Value
+from cosim.wiring.draft import Draft
+from cosim.wiring.network import Component
+
+
+def take(draft: Draft, component: Component) -> None:
+    """Match an entry's parameters and start values with the declaration, and take defaults for the rest."""
+    declaration, entry = component.declaration, component.entry
+    parameters = {v.name: v for v in declaration.of(Parameter)}
+    starts = {v.name: v for v in declaration.startable()}
+    _take_given(draft, component, entry.parameters, parameters, "parameter")
+    _take_given(draft, component, entry.start, starts, "state or input to start")
+    for variable in (*parameters.values(), *starts.values()):
+        if variable.name not in component.given:
+            _take_default(draft, component, variable)
+
+
+def _take_given(
+    draft: Draft, component: Component, given: Mapping[str, Node], known: Mapping[str, Variable], kind: str
+) -> None:
+    for name, node in given.items():
+        if name in known:
+            component.given.add(name)
+            value = draft.problems.attempt(Value.read, node, f"{component.name}.{name}")
+            if value is not None:
+                draft.values[component.name, name] = value
+        else:
+            message = f"block {component.name}: {component.declaration.name} has no {kind} `{name}`"
+            draft.problems.add(UnknownParameter(message, node.key_position, nearest(name, known)))
+
+
+def _take_default(draft: Draft, component: Component, variable: Variable) -> None:
+    if variable.start is not None:
+        draft.values[component.name, variable.name] = Value.of(variable.start, component.entry.position)
+    elif isinstance(variable, Parameter):
+        name = component.declaration.name
+        message = f"block {component.name}: parameter `{variable.name}` of {name} has no value"
+        fix = f"add `{variable.name}:` under blocks.{component.name}.parameters"
+        draft.problems.add(MissingParameter(message, component.entry.position, fix))
+
+
+def evaluate(draft: Draft) -> None:
+    """Every value of the components whose sizes are known, as an array (instances or 1, *shape)."""
+    for component in draft.components.values():
+        declaration = component.declaration
+        if any(component.signal_axes(variable) is None for variable in declaration.variables.values()):
+            continue
+        for variable in (*declaration.of(Parameter), *declaration.startable()):
+            value = draft.values.get((component.name, variable.name))
+            if value is not None:
+                _evaluate(draft, component, variable, value)
+
+
+def _evaluate(draft: Draft, component: Component, variable: Variable, value: Value) -> None:
+    numbers = draft.problems.attempt(_numbers, component, variable, value, draft.diagram.fleets)
+    if numbers is None:
+        return
+    component.values[variable.name] = numbers
+    if isinstance(variable, State) and variable.finite and numbers.dtype.kind == "f" and not np.isfinite(numbers).all():
+        message = f"block {component.name}: state `{variable.name}` starts as {numbers[~np.isfinite(numbers)][0]}"
+        draft.problems.add(WrongValue(message, value.position, "give a number below 1e100"))
+
+
+def _numbers(component: Component, variable: Variable, value: Value, fleets: Mapping[str, int]) -> np.ndarray:
+    """The array of a value; what is wrong with a default says whose it is. Raises: ExpressionError, WrongValue."""
+    try:
+        return array(component, variable, value, fleets)
+    except CosimError as error:
+        if variable.name in component.given:
+            raise
+        message = f"block {component.name}: the default of `{variable.name}`: {error.message}"
+        raise type(error)(message, error.position, error.fix) from None
+
+
+def array(component: Component, variable: Variable, value: Value, fleets: Mapping[str, int]) -> np.ndarray:
+    """A value as an array (instances or 1, *shape), each member's expressions evaluated with its number i.
+
+    Raises: ExpressionError, WrongValue.
+    """
+    shape = component.shape(variable)
+    if component.fleet:
+        members = _members(variable, value, component.count, shape)
+        return (
+            value.array(shape, variable.dtype, {"i": 1.0, "N": float(component.count)})[None]
+            if members is None
+            else members
+        )
+    if shape and component.counts_members(variable.shape[0]):
+        members = _members(variable, value, shape[0], shape[1:])
+        if members is None:
+            members = np.broadcast_to(value.array(shape[1:], variable.dtype, {"i": 1.0, "N": float(shape[0])}), shape)
+        return members[None]
+    size = {"N": float(next(iter(fleets.values())))} if len(fleets) == 1 else {}
+    return value.array(shape, variable.dtype, size)[None]
+
+
+def _members(variable: Variable, value: Value, count: int, shape: tuple[int, ...]) -> np.ndarray | None:
+    """A value for each member of a fleet (count, *shape); None where all have the same one."""
+    per_member = len(value.shape) == len(shape) + 1
+    if not per_member and (variable.dtype.hasobject or not value.uses("i")):
+        return None
+    array = np.empty((count, *shape), variable.dtype)
+    for k in range(count):
+        row = value.member(k) if per_member else value
+        array[k] = row.array(shape, variable.dtype, {"i": k + 1.0, "N": float(count)})
+    return array

@@ -1,0 +1,93 @@
+"""The wires: for each input the signals that it reads, or else its start value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cosim.authoring.variables import Input, Local, State
+from cosim.errors import NotWirable, UnconnectedInput, UnknownPort, WrongValue, nearest
+from cosim.language.reader import endpoint
+from cosim.language.source import Node
+from cosim.wiring.draft import Draft
+from cosim.wiring.network import Component, Signal, port_and_members
+
+_INTEGERS = (np.dtype(np.int32), np.dtype(np.int64))
+
+
+def connect(draft: Draft, component: Component) -> None:
+    """Fill in `Component.wires`. A source that is not known is a signal without a variable."""
+    inputs = {v.name: v for v in component.declaration.of(Input)}
+    for name, node in component.entry.inputs.items():
+        sources = node.value if isinstance(node.value, list) else [node]
+        if name in inputs and sources:
+            found = [draft.problems.attempt(_source, draft, component, name, source) for source in sources]
+            component.wires[name] = tuple(s for s in found if s)
+            draft.problems.attempt(_check_idle_start, component, name, sources[0])
+        elif name not in inputs:
+            message = f"block {component.name}: {component.declaration.name} has no input `{name}`"
+            draft.problems.add(UnknownPort(message, node.key_position, nearest(name, inputs)))
+    for name in inputs:
+        if name not in component.entry.inputs and (component.name, name) not in draft.values:
+            draft.problems.add(_unconnected(component, name))
+
+
+def _unconnected(component: Component, name: str) -> UnconnectedInput:
+    message = f"block {component.name}: input `{name}` is not connected and has no start value"
+    fix = f"add `{name}: block.port` under blocks.{component.name}.inputs"
+    if "/" in component.name:
+        outer, _, inner = component.name.rpartition("/")
+        own = f"inputs: {{{name}: {inner}.{name}}}"
+        fix = f"give that diagram an input, {own}, and wire it under blocks.{outer}.inputs"
+    return UnconnectedInput(message, component.entry.position, fix)
+
+
+def _check_idle_start(component: Component, name: str, wire: Node) -> None:
+    """A wired input has its source's value from time zero on; a diagram in a diagram may keep its own start."""
+    start = component.entry.start.get(name)
+    if start is None or ("/" in component.name and start.position.file != wire.position.file):
+        return
+    message = f"block {component.name}: input `{name}` is wired, so that its start value has no effect"
+    raise WrongValue(message, start.key_position, f"remove it (an overlay writes `{name}: ~`), or the wire")
+
+
+def _source(draft: Draft, component: Component, taker: str, node: Node) -> Signal:
+    """What an input is wired to. Raises: NotWirable."""
+    name, port = endpoint(str(node.value))
+    port, members = port_and_members(port)
+    there = draft.named(name, node, component.name)
+    if there is None:
+        return Signal(component.name, "")
+    source = there.declaration
+    outputs = {v.name for v in source.variables.values() if v.causality == "output"}
+    locals_ = {v.name for v in source.of(Local, State)} - outputs
+    may_tap = component.declaration.measuring or component.declaration.feeds_locals_only(taker)
+    if port in locals_ and not may_tap:
+        message = f"block {component.name}: `{node.value}` is a local variable of {source.name}, not a port"
+        fix = "only recordings, measuring blocks and locals may read locals" + _or_ports(name, outputs)
+        raise NotWirable(message, node.position, fix)
+    if port not in outputs | locals_:
+        draft.absent.outputs.setdefault((name, port), []).append((node, component.name))
+        return Signal(component.name, "")
+    if source.measuring and not may_tap:
+        message = f"block {component.name}: `{node.value}` comes from a measuring block"
+        raise NotWirable(message, node.position, "only recordings and measuring blocks may read a measure")
+    return Signal(name, port, members)
+
+
+def _or_ports(name: str, outputs: set[str]) -> str:
+    return f"; its ports are {', '.join(f'{name}.{o}' for o in sorted(outputs))}" if outputs else ""
+
+
+def agree_on_integers(components: Mapping[str, Component]) -> None:
+    """Ports that take any integer take the type that comes or is wanted."""
+    for component in components.values():
+        for port, sources in component.wires.items():
+            here = component.declaration.variables[port]
+            for source in (s for s in sources if s.variable):
+                there = components[source.component].declaration.variables[source.variable]
+                if here.any_integer and there.dtype in _INTEGERS:
+                    here.dtype = there.dtype
+                elif there.any_integer and here.dtype in _INTEGERS:
+                    there.dtype = here.dtype
