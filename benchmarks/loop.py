@@ -91,8 +91,8 @@ def main() -> None:
             "NumPy": lambda: formation_numpy.run(NUMPY_STEPS)[0] / NUMPY_STEPS,
         }
         for _ in range(options.rounds):
-            for name, program in programs.items():
-                seconds.setdefault(name, []).append(program())
+            for what, program in programs.items():
+                seconds.setdefault(what, []).append(program())
     print(f"\nMicroseconds a step, {options.rounds} rounds:  median   quartiles       (range)")
     for name, values in seconds.items():
         print(f"  {name:<26} {quartiles([1e6 * v for v in values])}")

@@ -29,6 +29,7 @@ SINGLE_RUNS = 7
 
 
 def study(count: int) -> study_file.Study:
+    """The robustness study, of so many draws."""
     path = Path(__file__).parents[1] / "diagrams" / "studies" / "robustness.yaml"
     return study_file.load(path, [*SETTINGS, f"random.count={count}"])
 
@@ -48,10 +49,12 @@ def solve_time() -> tuple[float, float]:
 
 
 def peak_megabytes() -> float:
+    """The most memory that this process has had (MiB)."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def main() -> None:
+    """Measure, and print what came of it."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     before = solve_time()
     peaks: dict[int, float] = {}

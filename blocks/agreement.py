@@ -1,4 +1,4 @@
-"""Parameters that a block shares with the one that it measures or gets positions from: eta of (44), R_i of (42), …"""
+"""Parameters that a block shares with the one that it measures or gets positions from: such as eta of (44)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Runs a diagram on code that AddressSanitizer watches: python -m tests.sanitized KIND DIAGRAM [SETTING …]
+"""Runs a diagram on code that AddressSanitizer watches.
+
+python -m tests.sanitized KIND DIAGRAM [SETTING …]
 
 To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folder for the code, $SANITIZED. KIND is:
 
@@ -38,11 +40,11 @@ SANITIZERS = ["-fsanitize=address", "-fno-omit-frame-pointer"]
 
 def watched(ir: str, name: str, symbols: list[str]) -> Path:
     """Object code of an IR text in which every access to memory is checked."""
-    module = llvm.parse_assembly(re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.M))
+    module = llvm.parse_assembly(re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.MULTILINE))
     for value in (*module.functions, *module.global_variables):
         if not value.is_declaration and value.name not in symbols:
             value.linkage = "internal"
-    ir = re.sub(r"^(define .*) \{$", r"\1 sanitize_address {", str(module), flags=re.M)
+    ir = re.sub(r"^(define .*) \{$", r"\1 sanitize_address {", str(module), flags=re.MULTILINE)
     name = f"{name}-{hashlib.sha256(ir.encode()).hexdigest()[:16]}"
     text, code = WORK / f"{name}.ll", WORK / f"{name}.o"
     if code.exists():
@@ -128,7 +130,7 @@ def watch_fmu(path: str, settings: list[str]) -> None:
 
     build.Objects.of = of  # type: ignore[method-assign]
     build._FLAGS += ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
-    build._link_flags = lambda platform: ["-shared", "-fPIC"]  # the sanitizers' symbols stay open
+    build._link_flags = lambda platform, path: ["-shared", "-fPIC"]  # the sanitizers' symbols stay open
     network = run.load(path, settings)
     for version in ("2.0", "3.0"):
         file = Path(path).parent / f"watched{version[0]}.fmu"

@@ -182,7 +182,7 @@ class _Reporter:
     def of_names(self, complete: bool) -> Iterator[DeclarationError]:
         """Names that stand for nothing, and local names that hide a variable of the block."""
         code = self.function.python.__code__
-        scope = scope_of(cast(FunctionType, self.function.python))
+        scope = scope_of(cast("FunctionType", self.function.python))
         own = set(code.co_varnames) | set(code.co_cellvars) | set(code.co_freevars)
         declared = self.declaration.variables
         meant = {*declared, *(f"d_{s.name}" for s in self.declaration.of(State))}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from cosim.authoring.foreign import Foreign
 from cosim.authoring.rules import Rule
 from cosim.authoring.variables import Dimension, Input, Local, Output, State, Variable
 from cosim.errors import CosimError
 
+AnyVariable = TypeVar("AnyVariable", bound=Variable)
 KINDS = ("calculate", "start", "outputs", "derivatives", "update")
 
 
@@ -56,7 +57,7 @@ class Declaration:
     home: type | None = None
     mistakes: tuple[CosimError, ...] = ()
 
-    def of(self, *classes: type[Variable]) -> Iterator[Variable]:
+    def of(self, *classes: type[AnyVariable]) -> Iterator[AnyVariable]:
         """The variables of the given classes, in the order of their declaration."""
         return (v for v in self.variables.values() if isinstance(v, classes))
 
@@ -98,12 +99,12 @@ class Declaration:
     def continuous(self) -> list[State]:
         """The states that `derivatives` drives."""
         driven = {a for f in self.kind("derivatives") for a in f.writes}
-        return [s for s in self.of(State) if f"d_{s.name}" in driven]  # type: ignore[misc]
+        return [s for s in self.of(State) if f"d_{s.name}" in driven]
 
     def discrete(self) -> list[State]:
         """The states that `update` drives."""
         driven = {a for f in self.kind("update") for a in f.writes}
-        return [s for s in self.of(State) if f"next_{s.name}" in driven]  # type: ignore[misc]
+        return [s for s in self.of(State) if f"next_{s.name}" in driven]
 
 
 def is_scalar(variable: Variable, function: Function, argument: str) -> bool:

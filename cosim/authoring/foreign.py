@@ -10,18 +10,21 @@ from cosim.errors import CosimError
 
 
 class Foreign(Protocol):
-    """What stands behind a block that is no Python code, such as an FMU: one kernel does all its functions.
-
-    kernel: ``(time, base, frame) -> status`` over raw memory. frame_words: how many words a frame has for it between
-    the instance count and the arguments; whoever opens instances for a run fills them. parts: the instances for one
-    run, each a `Part`; loop: a `Loop`; zeros gives memory that all processes of the run share.
-    """
+    """What stands behind a block that is no Python code, such as an FMU: one kernel does all its functions."""
 
     @property
-    def kernel(self) -> Callable[[float, int, int], int]: ...
+    def kernel(self) -> Callable[[float, int, int], int]:
+        """``(time, base, frame) -> status`` over raw memory."""
+
     @property
-    def frame_words(self) -> int: ...
-    def parts(self, component: Any, calls: Any, arena: Any, loop: Any, wanted: set[str], zeros: Any) -> Any: ...
+    def frame_words(self) -> int:
+        """How many words a frame has for it between the instance count and the arguments.
+
+        Whoever opens instances for a run fills them.
+        """
+
+    def parts(self, component: Any, calls: Any, arena: Any, loop: Loop, wanted: set[str], zeros: Any) -> Sequence[Part]:
+        """The instances for one run. zeros: gives memory that all processes of the run share."""
 
 
 @dataclass(frozen=True)
@@ -44,34 +47,54 @@ class Loop:
 
 
 class Trace(Protocol):
-    """What shared memory tells of a part: a number that changes with every call, None while none is under way; whether
-    one failed, and how all ended."""
+    """What shared memory tells of a part."""
 
     @property
-    def activity(self) -> int | None: ...
+    def activity(self) -> int | None:
+        """A number that changes with every call; None while none is under way."""
+
     @property
-    def failed(self) -> bool: ...
+    def failed(self) -> bool:
+        """Whether a call of the loop's failed."""
+
     @property
-    def terminated(self) -> bool: ...
-    def termination(self) -> CosimError: ...
-    def warnings(self) -> list[CosimError]: ...
-    def ended(self, how: str, hung: bool, time: float) -> CosimError: ...
+    def terminated(self) -> bool:
+        """Whether an instance asked for the end of the simulation."""
+
+    def termination(self) -> CosimError:
+        """Who asked for it, and when."""
+
+    def warnings(self) -> list[CosimError]:
+        """What the instances warned of."""
+
+    def ended(self, how: str, hung: bool, time: float) -> CosimError:
+        """How the process of the part ended; hung: by our hand, as it fell silent; time: that of the run (s)."""
 
 
 class Part(Protocol):
     """Instances of a foreign block that live together in one process: that of the name, "" for the engine's.
 
-    `open`, `failure`, `close` and `serve` are called there. A part with a process of its own serves the loop until it
-    is told to `stop`; it is `busy` while the loop waits for it.
+    `open`, `failure`, `close` and `serve` are called there.
     """
 
     process: str
     trace: Trace
 
-    def open(self) -> None: ...
-    def failure(self, time: float) -> CosimError: ...
-    def close(self, terminate: bool) -> None: ...
-    def serve(self) -> None: ...
-    def stop(self) -> None: ...
+    def open(self) -> None:
+        """Make all instances. Raises: CosimError."""
+
+    def failure(self, time: float) -> CosimError:
+        """What stopped the loop in one of the calls, at a time (s)."""
+
+    def close(self, terminate: bool) -> None:
+        """Free all instances; terminate: after telling them of the end."""
+
+    def serve(self) -> None:
+        """Do what the loop asks for, in a process of its own, until it is told to `stop`."""
+
+    def stop(self) -> None:
+        """Have `serve` return."""
+
     @property
-    def busy(self) -> bool: ...
+    def busy(self) -> bool:
+        """Whether the loop waits for it."""

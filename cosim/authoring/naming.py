@@ -132,7 +132,7 @@ def _unit(unit: Any, shape: tuple[Any, ...]) -> tuple[str, str] | None:
 
 def _stray(name: str, function: Any) -> tuple[str, str]:
     """A function that the framework would never call."""
-    if name == function.__name__ or function.__name__ == "<lambda>":
+    if function.__name__ in (name, "<lambda>"):
         known = [*KINDS, "outputs_…"]
         what = f"`{name}` is neither a function that the framework calls nor a rule"
         return what, f"{nearest(name, known)} Rules are decorated with @rule(…); helpers stand outside the class"

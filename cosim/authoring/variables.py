@@ -95,7 +95,7 @@ class State(Variable):
         self.output = output
 
     @property
-    def causality(self) -> str:  # type: ignore[override]
+    def causality(self) -> str:  # type: ignore[override]  # each state has its own
         """FMI causality: ``output`` or ``local``."""
         return "output" if self.output else "local"
 

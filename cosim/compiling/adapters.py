@@ -46,8 +46,9 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
 
         authors.check([declaration], function)
         scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": function.python}
-        exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)
-        return scope["adapter"]
+        exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)  # noqa: S102  # a text of ours
+        adapter: Callable[..., int] = scope["adapter"]
+        return adapter
 
     # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
     code = function.python.__code__
@@ -93,7 +94,8 @@ def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSo
         from cosim.compiling import intrinsics
 
         scope: dict[str, Any] = {**vars(intrinsics), name: entry}
-        exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)
-        return scope["adapter"]
+        exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)  # noqa: S102  # a text of ours
+        adapter: Callable[..., int] = scope["adapter"]
+        return adapter
 
     return KernelSource(name, build, fingerprint(entry, lines=True) + text, lambda: fingerprint(entry) + text)

@@ -70,7 +70,7 @@ def widened(context: Any, value: Any) -> Any:
 def _narrow(value: Any) -> bool:
     """Whether reading an element of a type, or of a constant, could give another number than int64 and float64."""
     if isinstance(value, (tuple, types.BaseTuple)):
-        return any(_narrow(v) for v in value)  # type: ignore[union-attr]
+        return any(_narrow(v) for v in value)  # type: ignore[union-attr]  # those that there are can be iterated
     if isinstance(value, types.Array):
         return _narrow_number(value.dtype)
     return isinstance(value, np.ndarray) and value.dtype not in (np.float64, np.int64, np.bool_)

@@ -143,10 +143,17 @@ class Context(cpu.CPUContext):
 
     @property
     def call_conv(self) -> CallConvention:
+        """As of numba."""
         return CallConvention(self)
 
     def compile_subroutine(
-        self, builder: Any, impl: Any, sig: Any, locals: Any = None, flags: Any = None, caching: bool = True
+        self,
+        builder: Any,
+        impl: Any,
+        sig: Any,
+        locals: Any = None,  # noqa: A002  # as numba calls it
+        flags: Any = None,
+        caching: bool = True,
     ) -> Any:
         """Compile a function of numba's own, where division of real numbers by zero raises nothing either."""
         if flags is None:
@@ -167,6 +174,7 @@ class Lowering(Arithmetic, Lower):
             self.metadata[mixed_numbers.NUMBERS] = numbers
 
     def lower_inst(self, inst: Any) -> None:
+        """As of numba, for one statement."""
         indexed = _indexed(inst)
         if not self.func_ir.loc.filename.startswith("<"):
             named = self._name(indexed) if indexed else "an array"
@@ -257,8 +265,10 @@ class Compiler(compiler.CompilerBase):
 
 
 def _check_index(context: Any, builder: Any, index: Any, size: Any, axis: int | None = None) -> None:
-    """Instead of numba's. Negative indices have had the size added before, as in Python, and no size is negative, so
-    that one comparison does for both ends."""
+    """Instead of numba's: one comparison does for both ends.
+
+    Negative indices have had the size added before, as in Python, and no size is negative.
+    """
     if not hasattr(builder, "site"):  # inside a function of numba's library
         _numba_check(context, builder, index, size, axis)
         return

@@ -51,7 +51,7 @@ def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
         for source in sources:
             try:
                 _add(source, library)
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001  # numba raises all sorts
                 problems.add(_explain(error, source, name))
                 continue
             good.append(source)
@@ -127,7 +127,7 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
     llvm.initialize_native_asmparser()
     target = llvm.Target.from_triple(triple)
     machine = target.create_target_machine(cpu=cpu, features=features, opt=3, reloc="pic", codemodel="default")
-    ir = re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.M)
+    ir = re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.MULTILINE)
     module = llvm.parse_assembly(f'target datalayout = "{machine.target_data}"\ntarget triple = "{triple}"\n{ir}')
     kept = set(keep)
     for value in (*module.functions, *module.global_variables):
@@ -139,7 +139,8 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
     _refuse_foreign(module, name)
-    return machine.emit_object(module)
+    compiled: bytes = machine.emit_object(module)
+    return compiled
 
 
 def _refuse_foreign(module: Any, name: str) -> None:

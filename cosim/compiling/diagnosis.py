@@ -20,9 +20,11 @@ LOOP = f"write a loop over the elements, such as y[q] = u[q] + w[q], {PLAIN}"
 _MEANINGS = (
     (
         # The last is what numba says of `u += 1`.
-        r"Cannot modify read-?only|explicit output that is read-only|>>> i?\w*setitem\(readonly|>>> fill\(readonly"
-        r"|array\.fill.*readonly|object has no attribute 'args'"
-        r"|<ufunc '\w+'>\) found for signature:\s+>>> \w+\(.*readonly array\([^()]*\)\)",
+        (
+            r"Cannot modify read-?only|explicit output that is read-only|>>> i?\w*setitem\(readonly|>>> fill\(readonly"
+            r"|array\.fill.*readonly|object has no attribute 'args'"
+            r"|<ufunc '\w+'>\) found for signature:\s+>>> \w+\(.*readonly array\([^()]*\)\)"
+        ),
         "writes to an input, a parameter or another array that it may only read",
         "write to a Local, or to what the function computes",
     ),
@@ -157,7 +159,7 @@ def explained(error: Exception, who: str, place: str) -> KernelError:
     who: the function, in words; place: file:line where it begins.
     """
     text = str(error)
-    places = re.findall(r'^File "(?!<)(.*)", line (\d+)', text, re.M)
+    places = re.findall(r'^File "(?!<)(.*)", line (\d+)', text, re.MULTILINE)
     own = [(str(Path(file).resolve()), int(line)) for file, line in places if not _is_numbas(file)]
     file, _, first = place.rpartition(":")
     file, line = own[0] if own else (file, int(first or 0))
@@ -165,7 +167,7 @@ def explained(error: Exception, who: str, place: str) -> KernelError:
     if "its result is a new array" in text:  # which `cosim.compiling.arithmetic` says
         return _allocation(who, file, line)
     for pattern, what, fix in _MEANINGS:
-        if match := re.search(pattern, text, re.S if "global" in pattern else 0):
+        if match := re.search(pattern, text, re.DOTALL if "global" in pattern else 0):
             groups = {k: _words(v) for k, v in match.groupdict().items()}
             return KernelError(f"{who} {what.format(**groups)}", _position(file, line, None), fix.format(**groups))
     said = [s.strip() for s in text.splitlines() if s.strip() and not s.startswith(_DEBRIS)]
@@ -175,7 +177,7 @@ def explained(error: Exception, who: str, place: str) -> KernelError:
 
 def _line_of_statement(text: str, file: str, line: int) -> int:
     """The line that numba marks, which its text names before it shows the file."""
-    during = re.search(r"^During: typing of .* at (\S.*) \((\d+)\)$", text, re.M)
+    during = re.search(r"^During: typing of .* at (\S.*) \((\d+)\)$", text, re.MULTILINE)
     return int(during[2]) if during and Path(during[1]).resolve() == Path(file) else line
 
 

@@ -14,8 +14,10 @@ from cosim.authoring.declaration import Declaration, Function
 
 
 class FaultRecord(ctypes.Structure):
-    """What a call that fails leaves in the first words of its frame: a text with two numbers for it, the instance, from
-    0, and the time (s)."""
+    """What a call that fails leaves in the first words of its frame.
+
+    A text with two numbers for it, the instance, from 0, and the time (s).
+    """
 
     _fields_ = (
         ("text", ctypes.c_char_p),
@@ -34,8 +36,10 @@ SIZES = INSTANCES + 1  # of run-time dimensions, from here on
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the words of one function's frame are. dimensions: the word of each size; slots: of each argument's offset,
-    which its stride follows; `time` has none."""
+    """Where the words of one function's frame are.
+
+    dimensions: the word of each size; slots: of each argument's offset, which its stride follows; `time` has none.
+    """
 
     dimensions: Mapping[str, int]
     slots: Mapping[str, int]

@@ -36,8 +36,10 @@ _ELEMENTS = ("getitem", "static_getitem", "exhaust_iter", "cast")
 
 
 class Numbers:
-    """A function as compiled for some types. function: in numba's intermediate representation; typeof: of a variable;
-    calls: the signature of each call."""
+    """A function as compiled for some types.
+
+    function: in numba's intermediate representation; typeof: of a variable; calls: the signature of each call.
+    """
 
     def __init__(self, function: Any, typeof: Callable[[str], Any], calls: dict[Any, Any]) -> None:
         self._function, self._typeof, self._calls = function, typeof, calls

@@ -23,19 +23,23 @@ from cosim.engine import loop
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError
-from cosim.machine.supervision import Commands, Crew, Ended, Patience, never
+from cosim.machine.supervision import Crew, Ended, Patience, never
 from cosim.machine.worker import Abandoned, Worker
 
 ENGINE = "engine"
 
-
+#: The instances of each foreign block.
 Parts = Mapping[str, Sequence[Part]]
+#: What the loop can be told to do; each returns a status.
+LoopCommands = Mapping[str, Callable[[], int]]
 
 
 class Here:
     """All in this process. keep: what compiled code touches; None where all is interpreted, in the caller's thread."""
 
-    def __init__(self, parts: Parts, loop: Commands, watch: Watch, patience: float, keep: Sequence[Any] | None) -> None:
+    def __init__(
+        self, parts: Parts, loop: LoopCommands, watch: Watch, patience: float, keep: Sequence[Any] | None
+    ) -> None:
         """patience: how long (s) a compiled function may take."""
         self._parts = parts
         self._loop = loop
@@ -84,7 +88,7 @@ class Forked:
     All raise the error that says whose call was under way when a process died or fell silent.
     """
 
-    def __init__(self, parts: Parts, loop: Commands, watch: Watch, patience: float) -> None:
+    def __init__(self, parts: Parts, loop: LoopCommands, watch: Watch, patience: float) -> None:
         """patience: how long (s) a foreign call may take."""
         self._parts = parts
         self._index = {id(part): k for k, part in enumerate(_all(parts))}
@@ -119,11 +123,13 @@ class Forked:
             return False
 
         with self._watch.blaming():
-            return self._crew.do(ENGINE, command, wanted=stopping)
+            status: int = self._crew.do(ENGINE, command, wanted=stopping)
+        return status
 
     def failure(self, component: str, time: float) -> CosimError:
         """As of `Here`."""
-        return self._ask(_failed(self._parts[component]), "failure", time)
+        error: CosimError = self._ask(_failed(self._parts[component]), "failure", time)
+        return error
 
     def close(self, terminate: bool) -> None:
         """As of `Here`, if the processes still live."""

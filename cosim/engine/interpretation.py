@@ -35,7 +35,7 @@ def python_of(
             with np.errstate(all="ignore"):
                 for instance in range(call.count):
                     python(*[np.float64(time) if a is None else a[instance]() for a in arguments])
-        except (Exception, SystemExit) as error:  # an exit would be lost in what calls this, and the run go on
+        except (Exception, SystemExit) as error:  # noqa: BLE001  # an exit would be lost, and the run go on
             faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
             causes.append(error)
             return loop.ERROR

@@ -137,7 +137,8 @@ def reach(c: Any, base: int, k: int, time: float) -> int:
 def time_at(c: Any, control: int, k: int) -> float:
     """The time (s) of step k, from an integer count of steps."""
     numbers = reals_at(control, CONTROL_WORDS)
-    return numbers[ORIGIN] + (k - c[ORIGIN_STEP]) * numbers[STEP_SIZE]
+    time: float = numbers[ORIGIN] + (k - c[ORIGIN_STEP]) * numbers[STEP_SIZE]
+    return time
 
 
 def execute(time: float, base: int, control: int) -> int:
@@ -251,7 +252,8 @@ def part(c: Any, base: int, b: Any, vector: int) -> Any:
 
 def full_at(c: Any) -> int:
     """The first step, from the next one on, at which a group of probes that is due has no room for another row."""
-    k, full = c[STEP], c[LAST] + 1
+    k = c[STEP]
+    full: int = c[LAST] + 1
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every, room = group[GROUP_EVERY], max(0, group[CAPACITY] - group[FILLED])

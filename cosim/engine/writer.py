@@ -151,8 +151,11 @@ class Writer:
         return self.end(begin)
 
     def bank(self, part: Range, in_place: bool, integrator: str, inner_steps: int, first: Range, inner: Range) -> int:
-        """States that are integrated together; part: of the state vector; first, inner: the rows that give derivatives,
-        from what is published and at a stage; in_place: stages are written over what is published."""
+        """States that are integrated together; part: of the state vector.
+
+        first, inner: the rows that give derivatives, from what is published and at a stage; in_place: stages are
+        written over what is published.
+        """
         tableau = INTEGRATORS[integrator]
         if integrator not in self._tableaus:
             self._tableaus[integrator] = self.layout.constant(np.array(tableau.words()))

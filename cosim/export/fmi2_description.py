@@ -27,6 +27,7 @@ class Fmi2Description(ModelDescription):
             count += variable.size
 
     def root(self, token: str) -> Element:
+        """As of `ModelDescription`."""
         model = self.model
         root = Element(
             "fmiModelDescription",
@@ -54,6 +55,7 @@ class Fmi2Description(ModelDescription):
         return root
 
     def element_units(self, variable: FmiVariable) -> tuple[str | None, ...]:
+        """As of `ModelDescription`."""
         if variable.dtype.kind != "f":
             return ()
         return variable.unit if isinstance(variable.unit, tuple) else (variable.unit,)

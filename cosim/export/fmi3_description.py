@@ -16,6 +16,7 @@ class Fmi3Description(ModelDescription):
     state_phases = EVENT | CONTINUOUS_TIME
 
     def root(self, token: str) -> Element:
+        """As of `ModelDescription`."""
         model = self.model
         root = Element(
             "fmiModelDescription",

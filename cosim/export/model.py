@@ -306,8 +306,10 @@ PHASES = (*loop.PHASES, "HELD", "DERIVATIVES")
 
 @dataclass
 class Rows:
-    """The rows of a program, followed by those of HELD and DERIVATIVES; of each of PHASES the first row and the one
-    after the last."""
+    """The rows of a program, followed by those of HELD and DERIVATIVES.
+
+    phases: of each of PHASES the first row and the one after the last.
+    """
 
     rows: np.ndarray
     phases: list[tuple[int, int]]
@@ -325,7 +327,7 @@ def rows(model: Model) -> Rows:
     held = [row for row in found[slice(*built.phases["EVALUATE"])] if not is_held(row)]
     first = [slice(int(bank[loop.FIRST_BEGIN]), int(bank[loop.FIRST_END])) for bank in built.banks]
     derivatives = [row for part in first for row in found[part]]
-    phases = list(built.phases[name] for name in loop.PHASES)
+    phases = [built.phases[name] for name in loop.PHASES]
     for added in (held, derivatives):
         phases.append((len(found), len(found) + len(added)))
         found += added

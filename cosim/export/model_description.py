@@ -54,7 +54,8 @@ class ModelDescription(ABC):
         """The XML. token: the FMI 2 GUID or FMI 3 instantiation token."""
         root = self.root(token)
         ElementTree.indent(root)
-        return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+        written: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+        return written
 
     @abstractmethod
     def root(self, token: str) -> Element:

@@ -112,7 +112,8 @@ def adapt(time: float, base: int, frame: int) -> int:
         if lost:
             link[INSTANCE] = k
             reals_at(f[LINK], LINK_WORDS)[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK]
-            return min(max(link[STATUS], DISCARD), FATAL)
+            status: int = min(max(link[STATUS], DISCARD), FATAL)
+            return status
         if r[ENDS] != 0 and link[ENDED] == 0:
             link[ENDED] = k + 1
             reals_at(f[LINK], LINK_WORDS)[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK]

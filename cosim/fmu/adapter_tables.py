@@ -48,8 +48,9 @@ class AdapterTables:
 
     def _array(self, *shape: int) -> np.ndarray:
         """Zeroed words."""
-        self._keep.append(np.zeros(shape, np.int64))
-        return self._keep[-1]
+        array = np.zeros(shape, np.int64)
+        self._keep.append(array)
+        return array
 
     # ---- what all calls share ----
 

@@ -112,7 +112,7 @@ def _extract_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, folder: P
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     left = member.file_size
-    with archive.open(member) as source, open(target, "wb") as sink:
+    with archive.open(member) as source, target.open("wb") as sink:
         while chunk := source.read(1 << 20):
             left -= len(chunk)
             if left < 0:

@@ -43,7 +43,8 @@ def reals_of(info: int) -> Any:
 
 def communication_step(f: Any) -> float:
     """The loop's communication step (s)."""
-    return reals_at(words_at(f[LINK], LINK_WORDS)[STEP], 1)[0]
+    step: float = reals_at(words_at(f[LINK], LINK_WORDS)[STEP], 1)[0]
+    return step
 
 
 def enter_event_mode(link: Any, r: Any, info: int) -> bool:

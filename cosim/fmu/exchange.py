@@ -167,7 +167,8 @@ def end_events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, inf
 
 def is_due(time: float, f: Any, r: Any, info: int) -> bool:
     """Whether a communication point has reached the next time event, up to what rounding does to a time."""
-    return r[NEXT_DEFINED] != 0 and reals_of(info)[NEXT] <= time + ROUNDING * communication_step(f)
+    due: bool = r[NEXT_DEFINED] != 0 and reals_of(info)[NEXT] <= time + ROUNDING * communication_step(f)
+    return due
 
 
 def tell_event(link: Any, r: Any, info: int) -> bool:
@@ -184,7 +185,8 @@ def tell_event(link: Any, r: Any, info: int) -> bool:
 
 def inner_step(f: Any) -> float:
     """The step of the integration of the states (s)."""
-    return communication_step(f) / words_at(f[LINK], LINK_WORDS)[INNER_STEPS]
+    step: float = communication_step(f) / words_at(f[LINK], LINK_WORDS)[INNER_STEPS]
+    return step
 
 
 def tell_time(time: float, link: Any, r: Any, info: int) -> bool:
@@ -203,7 +205,8 @@ def set_time(time: float, link: Any, r: Any, info: int) -> bool:
 def has_event_before(r: Any, info: int, time: float) -> bool:
     """Whether the next time event comes before a time (s). One that does not lie ahead of the last event is none."""
     numbers = reals_of(info)
-    return r[NEXT_DEFINED] != 0 and numbers[HANDLED] < numbers[NEXT] < time
+    before: bool = r[NEXT_DEFINED] != 0 and numbers[HANDLED] < numbers[NEXT] < time
+    return before
 
 
 def catch_up(time: float, link: Any, r: Any, info: int) -> bool:
@@ -308,19 +311,19 @@ def set_time_and_states(time: float, base: int, link: Any, plan: Any, f: Any, r:
     return set_time(time, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], link[BUFFER], n))
 
 
-def gather(base: int, link: Any, map: int, f: Any, k: int) -> None:
+def gather(base: int, link: Any, table: int, f: Any, k: int) -> None:
     """The states of instance k, from the arena to the buffer."""
     n = link[STATES]
-    places, buffer = words_at(map, 2 * n), words_at(link[BUFFER], n)
+    places, buffer = words_at(table, 2 * n), words_at(link[BUFFER], n)
     for j in range(n):
         slot = places[2 * j]
         buffer[j] = words_at(base + f[slot] + k * f[slot + 1] + 8 * places[2 * j + 1], 1)[0]
 
 
-def scatter(base: int, link: Any, map: int, f: Any, k: int, source: int) -> None:
+def scatter(base: int, link: Any, table: int, f: Any, k: int, source: int) -> None:
     """States or derivatives of instance k, from an address to the arena."""
     n = link[STATES]
-    places, values = words_at(map, 2 * n), words_at(source, n)
+    places, values = words_at(table, 2 * n), words_at(source, n)
     for j in range(n):
         slot = places[2 * j]
         words_at(base + f[slot] + k * f[slot + 1] + 8 * places[2 * j + 1], 1)[0] = values[j]

@@ -48,6 +48,7 @@ class Fmi2(fmi.Version):
     entry = ("EnterInitializationMode",)
 
     def reads(self, version: str) -> bool:
+        """As of `Version`."""
         return version == self.name
 
     def folder(self, system: str, architecture: str) -> str:
@@ -55,15 +56,19 @@ class Fmi2(fmi.Version):
         return folders.short(system, architecture) or folders.long(system, architecture)
 
     def folders(self, system: str, architecture: str) -> list[str]:
+        """As of `Version`."""
         return folders.both(system, architecture)[::-1]
 
     def groups(self, variables: Sequence[Any]) -> dict[str, Group]:
+        """As of `Version`."""
         return elements.gathered(variables)
 
     def counts(self, values: int) -> tuple[int, ...]:
+        """As of `Version`."""
         return ()
 
     def instantiation(self, new: NewInstance) -> tuple[str, tuple[Any, ...]]:
+        """As of `Version`."""
         calloc, free = c_library.address("calloc"), c_library.address("free")
         callbacks = _Callbacks(new.logger, calloc, free, None, new.environment)
         return "Instantiate", (

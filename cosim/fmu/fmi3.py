@@ -45,21 +45,27 @@ class Fmi3(fmi.Version):
     entry = ("EnterInitializationMode", *fmi.EXPERIMENT)
 
     def reads(self, version: str) -> bool:
+        """As of `Version`."""
         return version.startswith("3.")
 
     def folder(self, system: str, architecture: str) -> str:
+        """As of `Version`."""
         return folders.long(system, architecture)
 
     def folders(self, system: str, architecture: str) -> list[str]:
+        """As of `Version`."""
         return folders.both(system, architecture)
 
     def groups(self, variables: Sequence[Any]) -> dict[str, Group]:
+        """As of `Version`."""
         return {v.name: ((v,), tuple(v.shape or ())) for v in variables}
 
     def counts(self, values: int) -> tuple[int, ...]:
+        """As of `Version`."""
         return (values,)
 
     def instantiation(self, new: NewInstance) -> tuple[str, tuple[Any, ...]]:
+        """As of `Version`."""
         where = str(new.resources.resolve()) + os.sep
         texts = (c_char_p(text.encode()) for text in (new.name, new.token, where))
         first = (*texts, c_bool(False), c_bool(new.logging))

@@ -35,7 +35,7 @@ class Handles:
             raise self._trace.failure(f"{self._binary.version.prefix}Instantiate() gave no instance", k, 0.0)
         self.made.append(handle)
 
-    def call(self, k: int, name: str, *arguments: int | float, about: str = "") -> None:
+    def call(self, k: int, name: str, *arguments: float, about: str = "") -> None:
         """Call a function of instance k; about: the variable that it is for. Raises: FmuError, FmuFailed."""
         status = self.ask(k, name, *arguments)
         link = self._trace.link
@@ -47,7 +47,7 @@ class Handles:
             function = f"{self._binary.version.prefix}{name}"
             raise self._trace.failure(returned(function, about, status), k, 0.0)
 
-    def ask(self, k: int, name: str, *arguments: int | float) -> int:
+    def ask(self, k: int, name: str, *arguments: float) -> int:
         """Call a function of instance k. Returns its status. Raises: FmuError."""
         address = self._binary.address(name)
         with self._trace.calling(k, address):

@@ -105,7 +105,7 @@ def read_description(path: Path, position: Position | None = None) -> tuple[Path
         description = read_model_description(str(folder), validate=False)
     except ValidationError as error:
         raise FmuError(f"`{path.name}`: {'; '.join(error.problems)}", position, "export the FMU again") from None
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001  # fmpy raises all sorts
         message = f"`{path.name}`: its model description cannot be read: {type(error).__name__}: {error}"
         raise FmuError(message, position, "export the FMU again") from None
     for kind in (description.coSimulation, description.modelExchange, description.scheduledExecution):
@@ -133,8 +133,8 @@ def block(entry: BlockEntry) -> type[Block]:
         declaration = _declaration(fmu, entry)
     except FmuError as error:
         raise FmuError(f"`{fmu.name}`: {error.message}", entry.type.position, error.fix) from None
-    made = type(description.modelName, (Block,), {"__doc__": description.description})
-    made.declaration = declaration  # type: ignore[attr-defined]
+    made: type[Block] = type(description.modelName, (Block,), {"__doc__": description.description})
+    made.declaration = declaration
     return made
 
 

@@ -117,4 +117,4 @@ def _start(port: Port) -> str:
 def _problems(folder: Path) -> list[str]:
     from fmpy.validation import validate_fmu
 
-    return validate_fmu(str(folder))
+    return list(validate_fmu(str(folder)))

@@ -1,5 +1,6 @@
-"""The variables of a model description as ports, each with the type that the framework sees and the way its values
-travel: FMI 2's scalars gathered into arrays, FMI 3's arrays as they are.
+"""The variables of a model description as ports: FMI 2's scalars gathered into arrays, FMI 3's arrays as they are.
+
+Each has the type that the framework sees, and the way its values travel.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class Port:
     @property
     def causality(self) -> str:
         """FMI's."""
-        return self.first.causality
+        causality: str = self.first.causality
+        return causality
 
     @property
     def is_string(self) -> bool:
@@ -47,7 +49,7 @@ class Port:
     @property
     def is_discrete(self) -> bool:
         """Whether it may change at events only."""
-        return self.first.variability == "discrete"
+        return bool(self.first.variability == "discrete")
 
     @property
     def can_start(self) -> bool:
@@ -90,10 +92,10 @@ class Port:
                 return float(text)
             number = int(text)
             np.array(number, self.dtype)
-            return number
         except (KeyError, ValueError, OverflowError):
             message = f"the start value `{text}` of its variable `{self.name}` is no {self.first.type}"
             raise FmuError(message, fix="export the FMU again") from None
+        return number
 
     def unit(self) -> units.Unit:
         """Its unit, or units along the first axis; None without one, or where it is no unit that we can read."""

@@ -77,7 +77,7 @@ class FmuTrace:
 
     def _who(self, k: int) -> str:
         """The file, and which member of a fleet."""
-        return self.fmu.name + (f", {self.component.fleet} {self.members[k] + 1}" if self.component.fleet else "")
+        return str(self.fmu.name) + (f", {self.component.fleet} {self.members[k] + 1}" if self.component.fleet else "")
 
     def _words(self, k: int) -> str:
         """The last messages of an instance."""

@@ -28,7 +28,8 @@ def conform(
         problems.add(WrongType(message, node.position, "write lines of `key: value` below it"))
         return replace(node, value={})
     entries: dict[str, Node] = {}
-    for key, child in node.value.items():
+    for written, child in node.value.items():
+        key = written
         if ANY not in grammar and key not in grammar:
             where = f"`{name}`" if name else "a diagram"
             problems.add(UnknownKey(f"{where} has no key `{key}`", child.place, nearest(key, grammar)))

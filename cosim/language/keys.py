@@ -105,7 +105,8 @@ def _data(reader: Reader, node: Node, where: str, _: Any) -> Any:
 def _is_data(reader: Reader, node: Node, where: str) -> bool:
     """Whether a value is a scalar or nested lists of such, else a report."""
     if isinstance(node.value, list):
-        return all([_is_data(reader, child, where) for child in node.value])
+        children = [_is_data(reader, child, where) for child in node.value]  # all of them: each has its report
+        return all(children)
     if isinstance(node.value, dict) or node.value is None:
         fix = "write a number or a list such as [1, 2]"
         message = f"`{where}` must be a number, a text or a list, not {describe(node)}"

@@ -88,9 +88,10 @@ def _inherited(block: dict[str, Node]) -> dict[str, Node]:
     """What remains of a block whose type is replaced: all but the type and what it drops, marked as for another."""
     names = dropped_names(block.get("drop"))
     remains = {}
-    for key, node in block.items():
-        if key in TYPES or key == "drop" or (key in names and node.inherited):
+    for key, entry in block.items():
+        if key in TYPES or key == "drop" or (key in names and entry.inherited):
             continue
+        node = entry
         if isinstance(node.value, dict):
             kept = {n: v for n, v in node.value.items() if not (v.inherited and {n, f"{key}.{n}"} & names)}
             node = replace(node, value=kept)

@@ -41,7 +41,7 @@ class Reader:
         """One of the known words; the first of them for anything else."""
         known = tuple(known)
         if node.value in known:
-            return node.value
+            return str(node.value)
         self.wrong(node, f"`{name}` cannot be {describe(node)}", nearest(str(node.value), known), WrongValue)
         return known[0]
 

@@ -10,10 +10,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
-from yaml.events import AliasEvent, Event, MappingStartEvent, NodeEvent, ScalarEvent, SequenceStartEvent
+from yaml.events import AliasEvent, CollectionStartEvent, Event, MappingStartEvent, ScalarEvent, SequenceStartEvent
 
 from cosim.errors import (
     CosimError,
@@ -196,13 +196,13 @@ class _Composer:
             return self.alias(event, depth)
         if depth > _DEEPEST:
             raise YamlSyntaxError(f"values are nested more than {_DEEPEST} levels deep", place, "use fewer levels")
-        assert isinstance(event, NodeEvent)
+        assert isinstance(event, (ScalarEvent, CollectionStartEvent))
         if event.anchor:
             self.anchors[event.anchor] = None
         if isinstance(event, ScalarEvent):
             blank = event.value == "" and event.implicit[0] and event.tag is None
             node = Node(self.scalar(event), place, blank=blank)
-        elif event.tag not in (None, "!"):  # type: ignore[attr-defined]
+        elif event.tag not in (None, "!"):
             raise self.unknown_tag(event)
         elif isinstance(event, SequenceStartEvent):
             items = []
@@ -278,8 +278,8 @@ class _Composer:
             self.problems.add(WrongValue(message, self.place(event), "from 2.3e-308 to 1.7e308, or 0, or `.inf`"))
         return value
 
-    def unknown_tag(self, event: Event) -> CosimError:
-        message = f"tags such as `{event.tag}` are not allowed"  # type: ignore[attr-defined]
+    def unknown_tag(self, event: ScalarEvent | CollectionStartEvent) -> CosimError:
+        message = f"tags such as `{event.tag}` are not allowed"
         return YamlSyntaxError(message, self.place(event), "remove the tag")
 
     def syntax_error(self, error: yaml.YAMLError) -> CosimError:
@@ -346,10 +346,10 @@ def _extent(node: Node) -> tuple[int, int]:
     return 1 + sum(size for size, _ in extents), 1 + max((height for _, height in extents), default=-1)
 
 
-class _CoreDumper(_DUMPER):  # type: ignore[misc, valid-type]
+class _CoreDumper(_DUMPER):  # type: ignore[misc, valid-type]  # yaml has one or the other
     """Quotes the text that the core schema would read as something else."""
 
-    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

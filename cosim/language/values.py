@@ -49,7 +49,8 @@ class Value:
 
     def member(self, k: int) -> Value:
         """The k-th row (from 0)."""
-        return self.content[k]
+        row: Value = self.content[k]
+        return row
 
     def uses(self, name: str) -> bool:
         """Whether an expression in it names a variable."""
@@ -65,7 +66,7 @@ class Value:
 
     def _evaluate(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
         if isinstance(self.content, list):
-            return [part._evaluate(dtype, names) for part in self.content]
+            return [part._evaluate(dtype, names) for part in self.content]  # noqa: SLF001  # of this class
         return self._number(dtype, names)
 
     def _number(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:

@@ -111,7 +111,7 @@ def read(name: str) -> bytes | None:
         return None
     path = place / f"{name}.o"
     try:
-        with open(os.open(path, os.O_RDONLY | _FLAGS), "rb") as file:
+        with os.fdopen(os.open(path, os.O_RDONLY | _FLAGS), "rb") as file:
             status = os.fstat(file.fileno())
             found = "" if stat.S_ISREG(status.st_mode) else "is no file"
             content = b"" if found else file.read()
@@ -135,14 +135,14 @@ def write(name: str, code: bytes) -> None:
     made = ""
     try:
         descriptor, made = tempfile.mkstemp(dir=place, prefix=name, suffix=".tmp")
-        with open(descriptor, "wb") as file:
+        with os.fdopen(descriptor, "wb") as file:
             file.write(_heading(name, code) + b"\n" + code)
-        os.replace(made, place / f"{name}.o")
+        Path(made).replace(place / f"{name}.o")
     except OSError as error:
         _say(f"the cache {place} cannot be written ({error.strerror}); kernels are compiled anew at every run")
     finally:
         with suppress(OSError):  # it is there no more if all went well
-            os.unlink(made)
+            Path(made).unlink()
 
 
 def _heading(name: str, code: bytes) -> bytes:

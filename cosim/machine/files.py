@@ -23,7 +23,7 @@ def fresh(path: Path, keep: Path | None = None) -> Iterator[Path]:
         yield new
         if keep and path.exists():
             _second_name(path, keep)
-        os.replace(new, path)
+        new.replace(path)
     finally:
         new.unlink(missing_ok=True)
 
@@ -69,6 +69,6 @@ def _second_name(path: Path, keep: Path) -> None:
             os.link(path, second)
         except OSError:
             shutil.copy2(path, second)
-        os.replace(second, keep)
+        second.replace(keep)
     finally:
         second.unlink(missing_ok=True)

@@ -38,7 +38,7 @@ def standard() -> Iterator[None]:
     with kept():
         if sys.platform == "win32":
             value, mask = _WINDOWS_DEFAULT
-            _library()._controlfp_s(ctypes.byref(ctypes.c_uint()), value, mask)
+            _library()._controlfp_s(ctypes.byref(ctypes.c_uint()), value, mask)  # noqa: SLF001  # its name in C
         else:
             _library().fesetenv(_default())
         yield

@@ -56,8 +56,9 @@ def _printing_to_stderr() -> Iterator[None]:
         with streams.aside():
             yield
     finally:
-        with suppress(OSError, ValueError, AttributeError):
-            sys.__stdout__.flush()  # type: ignore[union-attr]
+        with suppress(OSError, ValueError):
+            if sys.__stdout__ is not None:
+                sys.__stdout__.flush()
         if kept is not None:
             os.dup2(kept, 1)
             os.close(kept)
@@ -72,21 +73,21 @@ def _not_exiting() -> Iterator[None]:
             plain(status)
         raise Exited(f"os._exit({status})")
 
-    homes = [os, sys.modules[os.name]]
+    homes: list[Any] = [os, sys.modules[os.name]]
     for home in homes:
-        home._exit = leave  # type: ignore[attr-defined]
+        home._exit = leave  # noqa: SLF001  # a public name
     try:
         yield
     finally:
         for home in homes:
-            home._exit = plain  # type: ignore[attr-defined]
+            home._exit = plain  # noqa: SLF001
 
 
 @contextmanager
 def _patient(what: str) -> Iterator[None]:
     asked = 0
 
-    def stop(number: int, frame: FrameType | None) -> None:
+    def stop(_number: int, frame: FrameType | None) -> None:
         nonlocal asked
         asked += 1
         if asked > ASKED:

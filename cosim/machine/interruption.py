@@ -37,6 +37,7 @@ class Interruption:
         self._later: Callable[[], Any] | None = None  # where it may break through: has it do so after a while
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
+        """As a signal's handler."""
         again, self.number = self.wanted, self.number or number
         if self._later and again:
             raise Interrupted(self.number)
@@ -55,8 +56,10 @@ class Interruption:
 
     @contextmanager
     def breakable(self) -> Iterator[None]:
-        """For what may never end, and loses nothing: a signal that is not heeded within GRACE, or a second one at once,
-        raises Interrupted. The first needs the main thread of a system with SIGALRM.
+        """For what may never end, and loses nothing.
+
+        A signal that is not heeded within GRACE, or a second one at once, raises Interrupted. The first needs the main
+        thread of a system with SIGALRM.
         """
         with alarm(self._break_through) as begin:
             self._later = partial(begin, GRACE, GRACE)
@@ -85,7 +88,7 @@ def heard() -> Iterator[Interruption]:
     """Inside, all signals raise Interrupted, wherever the program is; what swallows it leaves the mark."""
     interruption = Interruption()
 
-    def now(number: int, frame: FrameType | None) -> None:
+    def now(number: int, _frame: FrameType | None) -> None:
         interruption.number = number
         interruption.raise_if_wanted()
 

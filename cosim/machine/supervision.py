@@ -259,7 +259,7 @@ def _obey(connection: Any, commands: Commands) -> NoReturn:
         answer: tuple[bool, Any]
         try:
             answer = True, commands[name](*arguments)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  # to be raised where it is waited for
             answer = False, error
         try:
             connection.send(answer)

@@ -6,10 +6,12 @@ import ctypes
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, TypeVar
 
 from cosim.machine.interruption import GRACE
 from cosim.machine.supervision import GLANCE, Patience
+
+T = TypeVar("T")
 
 
 class Abandoned(Exception):
@@ -32,20 +34,21 @@ class Worker:
         self._jobs.put(job)
 
     def do(
-        self, function: Callable[[], Any], patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]
-    ) -> Any:
+        self, function: Callable[[], T], patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]
+    ) -> T:
         """What a function returns or raises. stop: asks it to return soon; wanted: whether somebody wants that.
 
         Raises: Abandoned where patience is exhausted; KeyboardInterrupt where it was asked to return and does not.
         """
         done = threading.Event()
-        outcome: list[Any] = [None, None]
+        returned: list[T] = []
+        raised: list[BaseException] = []
 
         def job() -> None:
             try:
-                outcome[0] = function()
-            except BaseException as error:  # to be raised where it is waited for
-                outcome[1] = error
+                returned.append(function())
+            except BaseException as error:  # noqa: BLE001  # to be raised where it is waited for
+                raised.append(error)
             done.set()
 
         self._hand(job)
@@ -56,9 +59,9 @@ class Worker:
             if not done.wait(GRACE):
                 self._abandon()
             raise
-        if outcome[1] is not None:
-            raise outcome[1]
-        return outcome[0]
+        if raised:
+            raise raised[0]
+        return returned[0]
 
     def _wait(
         self, done: threading.Event, patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]

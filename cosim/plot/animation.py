@@ -231,7 +231,8 @@ class _Scene:
             self.ranges[i].center = tuple(self.x[k, i, :2])
             self.bodies[i].move(self.x[k, i])
         for i, cross in enumerate(self.crosses):
-            cross.set_data(*self.references[k, i, :2, None])  # type: ignore[index]
+            assert self.references is not None
+            cross.set_data(*self.references[k, i, :2, None])
         shown = [*self.ranges, *self.trails, *self.crosses, *self._edges(axis, k)]
         shown += [artist for body in self.bodies for artist in body.artists]
         return sorted(shown, key=lambda artist: artist.get_zorder())

@@ -254,9 +254,9 @@ def _range(node: Node | None, where: str, reader: Reader) -> tuple[float, float]
 def default_signals(result: Result) -> list[str]:
     """What a run's picture shows if nobody says: the recorded signals that its metrics reduce, else all of them."""
     try:
-        tree = source.parse_value(str(result.attrs.get("diagram", "")), source.Position(str(result.path)))
+        tree = source.parse_value(str(result.attrs.get("diagram", "")), Position(str(result.path)))
         metrics = tree.value.get("metrics", Node({}, tree.position)).plain() if isinstance(tree.value, dict) else {}
-    except Exception:  # a result of another version: its diagram is no longer understood
+    except Exception:  # noqa: BLE001  # a result of another version: its diagram is no longer understood
         metrics = {}
     measured = dict.fromkeys(metric["signal"] for metric in metrics.values() if isinstance(metric, dict))
     return [name for name in measured if name in result.signals] or list(result.signals)

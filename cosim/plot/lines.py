@@ -157,7 +157,7 @@ def _slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     if len(x) < 2:
         return np.full(len(x), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.gradient(y, x)
+        slope: np.ndarray = np.gradient(y, x)
     slope[~np.isfinite(slope)] = np.nan
     steps = np.abs(np.diff(y))
     beside = np.maximum(np.concatenate(([np.inf], steps[:-1])), np.concatenate((steps[1:], [np.inf])))

@@ -130,7 +130,8 @@ class _Paths:
     def centre(self, k: int) -> np.ndarray:
         """The middle of the bodies and of their references at one time."""
         points = self._points(k)
-        return (points.min(axis=0) + points.max(axis=0)) / 2
+        middle: np.ndarray = (points.min(axis=0) + points.max(axis=0)) / 2
+        return middle
 
     def reach(self, k: int) -> float:
         """Half the side of a square around them."""
@@ -165,7 +166,8 @@ class _Paths:
 
 def _distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Between every point of one set and every one of another."""
-    return np.linalg.norm(a[:, None] - b, axis=2)
+    distances: np.ndarray = np.linalg.norm(a[:, None] - b, axis=2)
+    return distances
 
 
 class Body:
@@ -210,7 +212,8 @@ def _circles(axis: Any, wanted: np.ndarray, shown: Sequence[int]) -> None:
 def _below(points: np.ndarray) -> np.ndarray:
     """A place under the middle of some points, on the circle if they are on one."""
     centre, radii = _spread(points)
-    return centre - np.array([0.0, radii.max()])
+    place: np.ndarray = centre - np.array([0.0, radii.max()])
+    return place
 
 
 def _spread(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -70,7 +70,7 @@ def _is_ours(path: Path) -> bool:
 
 def _facts() -> str:
     what = ", ".join(f"{name} {version}" for name, version in versions().items())
-    return f"{datetime.now():%Y-%m-%d %H:%M}; {what}; {processors()} × {platform.machine()}"
+    return f"{datetime.now().astimezone():%Y-%m-%d %H:%M}; {what}; {processors()} × {platform.machine()}"
 
 
 def _anchor(results: Results) -> str:
@@ -88,11 +88,11 @@ def _section(results: Results, pictures: str) -> str:
         origins = escape(" and ".join(study.origins))
         parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
         parts.append(_list(words.differences(study, rows, results.reductions)))
-    parts.append(_list([*words.events(study, rows), *(f"{sentence}." for sentence in running.broken(rows))]))
+    parts.append(_list([*words.events(rows), *(f"{sentence}." for sentence in running.broken(rows))]))
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
     parts += _pictures(results, rows, pictures)
-    parts += ["<h3>What this was computed from</h3>", _list([*words.failures(study, rows), _timing(results, rows)])]
+    parts += ["<h3>What this was computed from</h3>", _list([*words.failures(rows), _timing(results, rows)])]
     parts.append(_details("the study", study.text))
     for name in study.variants:
         parts.append(_details(f"resolved diagram of {name}", results.variants.base(name).diagram.resolved()))

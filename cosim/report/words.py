@@ -84,7 +84,7 @@ def _agree(ours: float | None, theirs: float) -> bool:
     return ours is not None and abs(ours - theirs) <= AGREES * abs(theirs)
 
 
-def events(study: Study, rows: list[Row]) -> Iterator[str]:
+def events(rows: list[Row]) -> Iterator[str]:
     """What happened when, or in studies of many members, how often."""
     if len(rows) > EVENTS_OF:
         yield from _often(rows)
@@ -108,7 +108,7 @@ def _often(rows: list[Row]) -> Iterator[str]:
         yield f"Runs in which {signal} became true: {shares}."
 
 
-def failures(study: Study, rows: list[Row]) -> Iterator[str]:
+def failures(rows: list[Row]) -> Iterator[str]:
     """Which members did not come to their end, and why."""
     lost = [row for row in rows if row["status"] in FAILED]
     if not lost:

@@ -267,7 +267,8 @@ def _compare_signal(
 def _equal(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Where the numbers are equal, of whatever types they are; NaN is equal to NaN."""
     with np.errstate(invalid="ignore"):
-        return (a == b) | ((a != a) & (b != b))
+        same: np.ndarray = (a == b) | ((a != a) & (b != b))  # noqa: PLR0124  # of any type
+    return same
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, float]:

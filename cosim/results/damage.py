@@ -28,7 +28,7 @@ def can_be_read(path: Path) -> bool:
 
 
 @lru_cache(maxsize=64)
-def _is_walked(path: Path, *version: int) -> bool:
+def _is_walked(path: Path, *_version: int) -> bool:
     from signal import SIGKILL
 
     with warnings.catch_warnings():

@@ -22,7 +22,6 @@ def reserve(file: Any, variables: Sequence[Any], count: int, rows: int) -> tuple
     while True:
         try:
             _set_aside(file, _needed(variables, count, count + rows))
-            return rows, full
         except OSError as error:
             if error.errno not in FULL:
                 raise
@@ -30,6 +29,8 @@ def reserve(file: Any, variables: Sequence[Any], count: int, rows: int) -> tuple
             if not rows:
                 return 0, full
             rows //= 2
+        else:
+            return rows, full
 
 
 def give_back(file: Any) -> None:

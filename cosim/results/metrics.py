@@ -70,7 +70,7 @@ class Reduction(ABC):
     def _take(self, times: Array, samples: Array) -> None:
         """Take a batch that lies in the window and is not empty."""
 
-    def _inside(self, times: Array) -> slice:
+    def _inside(self, times: Array) -> slice[int, int]:
         first, last = 0, len(times)
         if self.start is not None:
             first = int(np.searchsorted(times, self.start - WINDOW_TOLERANCE * abs(self.start), "left"))
@@ -106,6 +106,7 @@ class Maximum(Reduction):
         self._extreme = extreme if self._extreme is None else self.pick(self._extreme, extreme)
 
     def value(self) -> float | None:
+        """As of `Reduction`."""
         if self._extreme is None:
             return None
         value = self._extreme.item()
@@ -132,6 +133,7 @@ class Mean(Reduction):
         self._sum.add(samples)
 
     def value(self) -> float | None:
+        """As of `Reduction`."""
         return self._sum.mean() if self._sum.count else None
 
 
@@ -148,6 +150,7 @@ class RootMeanSquare(Reduction):
         self._squares.add(samples)
 
     def value(self) -> float | None:
+        """As of `Reduction`."""
         return self._squares.root_mean() if self._squares.count else None
 
 
@@ -164,6 +167,7 @@ class Final(Reduction):
         self._last = np.array(samples[-1])
 
     def value(self) -> Any:
+        """As of `Reduction`."""
         return None if self._last is None else self._last.tolist()
 
 
@@ -198,6 +202,7 @@ class Events(Final):
             self._take(times, samples)
 
     def value(self) -> list[dict[str, Any]] | None:
+        """As of `Reduction`."""
         if self._last is None:
             return None
         rows = self._last.reshape(-1, self.shape[-1])
@@ -238,6 +243,7 @@ class First(Reduction):
         self._times = np.where(np.isnan(self._times) & samples.any(axis=0), found, self._times)
 
     def value(self) -> float | list[dict[str, Any]] | None:
+        """As of `Reduction`."""
         if self._times is None:
             return None
         if not self.shape:

@@ -56,7 +56,7 @@ def netcdf_name(name: str) -> str:
 
 def stored_type(signal: Recorded) -> np.dtype[Any]:
     """The type in the file: netCDF has no booleans. Raises: ResultError for what it does not have at all."""
-    dtype = np.dtype(signal.dtype)
+    dtype: np.dtype[Any] = np.dtype(signal.dtype)
     if dtype.kind == "b":
         return np.dtype(np.int8)
     if dtype.kind in "iu" or dtype in (np.float32, np.float64):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from cosim.errors import ResultError, nearest
 from cosim.machine import files
@@ -49,17 +49,17 @@ class Result:
         if name not in self._variables:
             raise ResultError(f"{self.path} has no signal `{name}`", fix=nearest(name, self._variables))
         with as_result_error("read", self.path):
-            values = self._variables[name][first : self._count if last is None else min(last, self._count)]
+            values: Array = self._variables[name][first : self._count if last is None else min(last, self._count)]
         return values.astype(self.signals[name].dtype, copy=False)
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
-    def __enter__(self) -> Result:
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -74,7 +74,8 @@ def read_metrics(path: str | Path, reductions: Mapping[str, str] | None = None) 
     reductions: what each metric means, as of `Reductions.meanings`; then those alone that meant the same.
     """
     with open_result(path) as result:
-        metrics, before = result.attrs.get("metrics", {}), result.attrs.get("reductions")
+        metrics: dict[str, Any] = result.attrs.get("metrics", {})
+        before = result.attrs.get("reductions")
     if reductions is None or before is None:
         return metrics
     return {name: value for name, value in metrics.items() if before.get(name) == reductions.get(name)}

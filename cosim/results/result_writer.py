@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -117,10 +117,10 @@ class ResultWriter:
         if problem:
             raise problem
 
-    def __enter__(self) -> ResultWriter:
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: Any) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
         if not self._file:
             return
         if error is None:
@@ -140,7 +140,8 @@ class ResultWriter:
             attributes.write(file, {"title": "", **head, **about})
             netcdf_layout.create(file, self._signals.values())
             file.flush()
-            return file.id.get_file_image()
+            image: bytes = file.id.get_file_image()
+            return image
 
     def _open(self) -> None:
         import h5py

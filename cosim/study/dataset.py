@@ -35,7 +35,7 @@ def write(path: Path, results: Results) -> None:
             file.attrs.update({"title": study.title, "study": study.text, "versions": json.dumps(versions())})
             for name, variable in {**coordinates, **variables}.items():
                 _create(file, name, variable)
-        os.replace(fresh, path)
+        fresh.replace(path)
     except (OSError, RuntimeError, ValueError) as error:
         raise ResultError(f"cannot write {path}: {error}", fix="choose a folder that you may write to") from None
     finally:

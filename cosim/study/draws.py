@@ -115,8 +115,11 @@ class Draws:
 
 def _quantile(draw: Draw, unit: np.ndarray) -> np.ndarray:
     """The values whose distribution function is `unit`."""
-    if not draw.normal:
-        return draw.a + unit * (draw.b - draw.a)
-    from scipy.special import ndtri
+    values: np.ndarray
+    if draw.normal:
+        from scipy.special import ndtri
 
-    return draw.a + draw.b * ndtri(np.clip(unit, 1e-16, 1 - 1e-16))
+        values = draw.a + draw.b * ndtri(np.clip(unit, 1e-16, 1 - 1e-16))
+    else:
+        values = draw.a + unit * (draw.b - draw.a)
+    return values

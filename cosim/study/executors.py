@@ -59,7 +59,7 @@ _stop: SharedEvent | None = None  # of a process among `processes`
 
 def _begin(stop: SharedEvent) -> None:
     """In a new process: signals are the first one's affair, which tells the others by the mark."""
-    global _stop
+    global _stop  # noqa: PLW0603  # a new process has no other place for it
     _stop = stop
     interruption.ignore()
     Thread(target=_follow, args=(parent_process(),), daemon=True).start()
@@ -71,7 +71,7 @@ def _follow(parent: BaseProcess) -> None:
     os._exit(1)
 
 
-def _watch(time: float) -> None:
+def _watch(_time: float) -> None:
     if _stop is not None and _stop.is_set():
         raise KeyboardInterrupt
 

@@ -20,7 +20,7 @@ def flaw(name: str) -> str:
         return f"it contains `{found[0]}`"
     if name[0] in ". -" or name[-1] in ". ":
         return "it begins with a dot, a dash or a space, or ends with a dot or a space"
-    if name.split(".")[0].strip().lower() in _DEVICES:
+    if name.split(".", maxsplit=1)[0].strip().lower() in _DEVICES:
         return "it is the name of a device on Windows"
     if name.lower().endswith(".previous"):
         return "its ending marks the file of the run before"

@@ -93,7 +93,7 @@ def own_files() -> bytes:
 
 
 @cache
-def _content(path: Path, modified: int) -> bytes:
+def _content(path: Path, _modified: int) -> bytes:
     return hashlib.sha256(path.read_bytes()).digest()
 
 

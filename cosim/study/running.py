@@ -9,6 +9,7 @@ from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +146,7 @@ def _run(results: Results, options: Options) -> None:
 
 
 def _run_here(executor: Executor, results: Results, stop: threading.Event, job: Job) -> Future[Row]:
-    def watch(time: float) -> None:
+    def watch(_time: float) -> None:
         if stop.is_set():
             raise KeyboardInterrupt
 
@@ -163,7 +164,7 @@ def _collect(
     submit: Callable[[Job], Future[Row]],
     window: int,
     executor: Executor,
-    stop: threading.Event | executors.SharedEvent,
+    stop: threading.Event | SharedEvent,
 ) -> None:
     """Run all jobs and keep their rows; where that is broken off, of those that are finished. stop: ends their runs."""
     pending: dict[Future[Row], Job] = {}
@@ -197,7 +198,7 @@ def _row(job: Job, future: Future[Row]) -> Row:
         row = future.result()
     except CosimError:
         raise
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001  # a lost member does not end the study
         row = member_run.lost(f"{type(error).__name__}: {error}")
     return {"key": job.key, **identity(job.member), **row}
 

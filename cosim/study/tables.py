@@ -173,7 +173,7 @@ def _quantile(numbers: np.ndarray, share: float) -> float:
 
 def satisfies(numbers: np.ndarray, above: float | None, below: float | None) -> np.ndarray:
     """Which numbers are above and below the limits; NaN is not."""
-    result = ~np.isnan(numbers)
+    result: np.ndarray = ~np.isnan(numbers)
     if above is not None:
         result &= numbers > above
     if below is not None:

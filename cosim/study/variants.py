@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -311,7 +312,7 @@ def as_node(value: Any, position: Position) -> Node:
 def _written(network: Network, address: Address) -> Node:
     """What the diagram says of a value, or else the block's default."""
     component, name = network.components[address.signal.component], address.signal.variable
-    entries = getattr(component.entry, address.section)
+    entries: Mapping[str, Node] = getattr(component.entry, address.section)
     if name in entries:
         return entries[name]
     default = component.declaration.variables[name].start

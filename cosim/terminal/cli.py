@@ -8,6 +8,7 @@ import json
 import signal
 import sys
 import time
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
@@ -72,7 +73,8 @@ def _notes(error: BaseException) -> list[str]:
 
 def _command(options: argparse.Namespace, heard: interruption.Interruption) -> int:
     try:
-        return options.run(options)
+        command: Callable[[argparse.Namespace], int] = options.run
+        return command(options)
     except CosimError as error:
         wrong = error
     except OSError as error:

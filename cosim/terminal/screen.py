@@ -10,7 +10,7 @@ import textwrap
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Self
 
 from cosim.errors import CosimError, DiagramErrors, Position
 from cosim.results.formatting import format_change, format_duration, format_value
@@ -141,7 +141,7 @@ class Progress:
         self._began = time.perf_counter()
         self._bar: Any = None
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> Self:
         self._began = time.perf_counter()
         return self
 
@@ -156,7 +156,7 @@ class Progress:
         left = f"{format_duration((self._stop - simulated) / speed)} left" if speed else ""
         self._bar.update(self._task, completed=simulated, speed=f"{speed:.3g} × real time", left=left)
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from typing import IO, Any
+from typing import IO, Any, Self
 
 from cosim.results.formatting import format_duration
 from cosim.study.tables import TextTable
@@ -47,7 +47,7 @@ class Counter:
         self._first: int | None = None
         self._bar: Any = None
 
-    def __enter__(self) -> Counter:
+    def __enter__(self) -> Self:
         return self
 
     def update(self, done: int, total: int) -> None:
@@ -63,7 +63,7 @@ class Counter:
         left = passed / max(done - self._first - 1, 1) * (total - done)
         self._bar.update(self._task, completed=done, left=f"{format_duration(left)} left")
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 

@@ -79,8 +79,8 @@ def _execute(module: ModuleType, content: bytes, file: Path, path: Path) -> Prob
     try:
         tree = ast.parse(content, str(file))
         with importing.guarded(f"`{path}`"), mistakes_wait():
-            exec(compile(tree, str(file), "exec", dont_inherit=True), module.__dict__)
-    except (Exception, SystemExit, importing.Stuck) as error:
+            exec(compile(tree, str(file), "exec", dont_inherit=True), module.__dict__)  # noqa: S102  # as `import` does
+    except (Exception, SystemExit, importing.Stuck) as error:  # noqa: BLE001  # whatever an author's file raises
         problems.add(import_error(error, path, str(file.parent)))
     else:
         for twice in _classes_twice(tree, str(file)):

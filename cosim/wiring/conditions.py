@@ -88,7 +88,7 @@ def judge_run(network: Network, courses: Mapping[Signal, list[Course]]) -> list[
     for component, rule, signals in along(network):
         try:
             findings += _findings(network, component, rule, {s.variable: courses[s] for s in signals})
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  # whatever a condition's function raises
             cause = error.__cause__ or error
             text = f"cannot be judged: {type(cause).__name__}: {cause}"
             findings.append(Finding(component.name, rule.text, rule.source, False, text))

@@ -126,7 +126,7 @@ class _Dimensions:
                 raise self._value_error(component, variable, value)
             return True
         if len(shape) == rank and rank and component.counts_members(variable.shape[0]):
-            size = component.axes[variable.shape[0]].size  # type: ignore[index]
+            size = component.axes[variable.shape[0]].size
             if shape[0] != size:
                 message = f"block {component.name}: `{variable.name}` has {shape[0]} entries for a fleet of {size}"
                 raise FleetMismatch(message, value.position, "give one for each member, or an expression in i")
@@ -143,7 +143,8 @@ class _Dimensions:
         value: Value,
     ) -> bool:
         origin = f"`{variable.name}` at {value.position}"
-        return all([self._unify(component, d, Axis(n), origin) for d, n in zip(dimensions, shape, strict=True)])
+        agree = [self._unify(component, d, Axis(n), origin) for d, n in zip(dimensions, shape, strict=True)]
+        return all(agree)
 
     def _value_error(self, component: Component, variable: Variable, value: Value) -> WrongShape:
         expected = ", ".join(self._dimension_text(component, d) for d in variable.shape)

@@ -108,7 +108,7 @@ def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
     try:
         with importing.guarded(f"`{name}`"), mistakes_wait():
             module = importlib.import_module(name)
-    except (Exception, SystemExit, importing.Stuck) as error:
+    except (Exception, SystemExit, importing.Stuck) as error:  # noqa: BLE001  # whatever a package raises
         spec = find_spec(name)
         file = Path(os.path.relpath(spec.origin)) if spec and spec.origin else Path(name)
         errors.append(import_error(error, file, str(file.resolve().parent)))

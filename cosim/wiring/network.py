@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import TypeGuard
 
 import numpy as np
 
@@ -120,7 +121,7 @@ class Component:
 
     def nbytes(self, variable: Variable) -> int:
         """The size of a variable in one instance."""
-        return math.prod(self.shape(variable)) * variable.dtype.itemsize
+        return math.prod(self.shape(variable)) * int(variable.dtype.itemsize)
 
     def signal_axes(self, variable: Variable) -> tuple[Axis, ...] | None:
         """The axes of a variable over all instances; None while a dimension is not solved."""
@@ -129,7 +130,7 @@ class Component:
         own = tuple(Axis(d) if isinstance(d, int) else self.axes[d] for d in variable.shape)
         return (Axis(self.count, self.fleet), *own) if self.fleet else own
 
-    def counts_members(self, dimension: int | str) -> bool:
+    def counts_members(self, dimension: int | str) -> TypeGuard[str]:
         """Whether a dimension is the size of a fleet."""
         return isinstance(dimension, str) and dimension in self.axes and self.axes[dimension].fleet is not None
 

@@ -14,8 +14,9 @@ from cosim.wiring.network import Network, Signal
 
 
 def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list[CosimError]]:
-    """Each metric's signal and reduction; and warnings of what ends after the run, or stays empty as --stop or --step
-    shortened it.
+    """Each metric's signal and reduction, and warnings.
+
+    The warnings are of windows that end after the run, or stay empty as --stop or --step shortened it.
 
     Raises: DiagramErrors with every MetricError.
     """

@@ -13,7 +13,7 @@ HEAD = "from cosim import Block, Input, Output\nimport math\nimport numpy as np\
 BLOCK = "class Own(Block):\n    u = Input(2, start=1)\n    s = Input(start=1.0)\n    y = Output(2)\n\n"
 BLOCK += "    def outputs(u, s, y):\n        y[1] = s\n"
 HELPER = "def helper(a):\n    return a[0] + (a + 1.0)[1]\n\n\n"
-# name: (statement, words, fix, column)
+# By name: a statement, then words, fix and column of what is said of it.
 MISTAKES = {
     "an array that is made": ("y[0] = (u + 1.0)[0]", r"whole arrays in `u \+ 1.0`, which needs memory", "loop", 17),
     "a statement over arrays": ("y[:] = u + s * u", r"whole arrays in `u \+ s \* u`, which needs memory", "loop", 16),
@@ -69,7 +69,7 @@ def test_all_functions_of_all_blocks_are_named_at_once(tmp_path, monkeypatch, ca
     (tmp_path / "own.py").write_text(HEAD + HELPER + first + "\n" + second)
     assert cli.main(["check", diagram(tmp_path, "First", "Second", "First")]) == 2
     said = capsys.readouterr().err
-    places = re.findall(r"^own\.py:(\d+):\d+: error: block (\w+): (\S+)", said, re.M)
+    places = re.findall(r"^own\.py:(\d+):\d+: error: block (\w+): (\S+)", said, re.MULTILINE)
     # Of each function the first mistake that the compiler meets; a helper's stands where the helper does.
     assert sorted((block, function) for _, block, function in places) == [
         ("b0", "First.outputs()"),

@@ -52,7 +52,7 @@ class Host:
             self.fmu.instantiate(loggingOn=True, logMessage=self._log3, eventModeUsed=events)
 
     def _callbacks(self):
-        import fmpy.fmi2 as fmi2
+        from fmpy import fmi2
 
         def log(environment, name, status, category, message):
             self.messages.append(message.decode())

@@ -62,7 +62,7 @@ def told(partners, tmp_path, capfd):
         code = cli.main(["run", str(partners(text)), "--json", "-o", str(output), *arguments])
         out, err = capfd.readouterr()
         assert "Traceback" not in err
-        assert not re.search(r"^(Fatal Python error|Segmentation fault|Aborted)", err, re.M)
+        assert not re.search(r"^(Fatal Python error|Segmentation fault|Aborted)", err, re.MULTILINE)
         assert code == 1
         return Told(code, out, err, output)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import os
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -140,12 +141,12 @@ def test_an_exported_fmu_computes_the_same_whatever_the_importers_control_word_i
 def test_a_guest_that_forks_or_changes_its_process(outcome, what, where, engine, isolated):
     """Each row is there once, with the bits of a good guest; the outcome is this process's alone."""
     _, times, neighbour, y = outcome(guest.NOTHING, 0)
-    folder = os.getcwd()
+    folder = Path.cwd()
     ended, *got = outcome(what, where, engine, isolated=isolated)
     assert (ended.status, ended.error) == ("completed", None)
     assert all(np.array_equal(*pair) for pair in zip(got, (times, neighbour, y), strict=True))
     assert np.array_equal(times, 0.01 * np.arange(61))
-    assert os.getcwd() == folder
+    assert Path.cwd() == folder
 
 
 def test_a_guest_whose_threads_talk(outcome):

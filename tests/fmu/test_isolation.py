@@ -140,7 +140,10 @@ def test_what_compiled_code_is_called_does_not_depend_on_the_process():
         "from cosim.compiling.fingerprint.text import fingerprint; from cosim.fmu import adapter, mailbox; "
         "print(*map(fingerprint, (adapter.adapt, mailbox.remote, mailbox.serve)))"
     )
-    texts = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout for _ in range(2)}
+    texts = {
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False).stdout
+        for _ in range(2)
+    }
     assert len(texts) == 1 and len(texts.pop().split()) == 3
 
 
@@ -167,13 +170,15 @@ record: {{period: 0.1, signals: [plant.x]}}
 
 def children(pid: int) -> set[int]:
     """The processes that a process has."""
-    listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True).stdout.split()
+    command = ["ps", "-o", "pid=", "--ppid", str(pid)]
+    listed = subprocess.run(command, capture_output=True, text=True, check=False).stdout.split()
     return {int(child) for child in listed if lives(int(child))}
 
 
 def lives(pid: int) -> bool:
     """Whether a process is there, and no zombie."""
-    found = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True).stdout.strip()
+    command = ["ps", "-o", "stat=", "-p", str(pid)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
     return bool(found) and not found.startswith("Z")
 
 
@@ -189,14 +194,14 @@ def long_run(machines, partners, tmp_path):
     """A long run by the command line: its process, its children, its result."""
     started = []
 
-    def start(isolated: str, fault: int = 0) -> tuple[subprocess.Popen, set[int], Path]:
+    def start(isolated: str, fault: int = 0, after: float = 0.5) -> tuple[subprocess.Popen, set[int], Path]:
         output = tmp_path / "long.nc"
         path = partners(LONG.format(fmu=machines["2"], isolated=isolated, fault=fault))
-        command = [sys.executable, "-m", "cosim.terminal.cli", "run", str(path), "-o", str(output)]
+        command = [sys.executable, "-m", "cosim", "run", str(path), "-o", str(output)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         started.append(process)
         assert wait_until(output.exists)
-        time.sleep(0.5)
+        time.sleep(after)
         return process, children(process.pid), output
 
     yield start
@@ -219,16 +224,22 @@ def test_interruption_keeps_data_and_leaves_no_process(long_run, isolated, proce
 
 @pytest.mark.parametrize("isolated", ["false", "true"])
 def test_a_second_interruption_breaks_through_a_call_that_hangs(long_run, isolated):
-    process, forked, output = long_run(isolated, 10)
-    process.send_signal(signal.SIGINT)
-    time.sleep(0.5)
-    assert process.poll() is None
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=8)
-    assert process.returncode == 130 and "Traceback" not in err
-    assert not any(lives(pid) for pid in forked)
-    with result_file.open_result(output) as result:
-        assert result.attrs["status"] == "interrupted" and len(result.times) == 11
+    for after in (0.5, 2.0, 8.0, 32.0):  # a busy machine may not have come to the call that hangs
+        process, forked, output = long_run(isolated, 10, after)
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        hung = process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 130 and "Traceback" not in err
+        assert not any(lives(pid) for pid in forked)
+        with result_file.open_result(output) as result:
+            assert result.attrs["status"] == "interrupted"
+            rows = len(result.times)
+        if hung and rows == 11:
+            return
+        output.unlink()
+    raise AssertionError("it did not come to the call that hangs")
 
 
 @pytest.mark.parametrize("isolated", ["false", "true"])

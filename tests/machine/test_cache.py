@@ -76,9 +76,9 @@ def test_no_bit_may_change(folder):
 def test_entries_are_not_exchanged(folder):
     cache.write("a", CODE)
     cache.write("b", CODE[::-1])
-    os.rename(folder / "a.o", folder / "c.o")
-    os.rename(folder / "b.o", folder / "a.o")
-    os.rename(folder / "c.o", folder / "b.o")
+    (folder / "a.o").rename(folder / "c.o")
+    (folder / "b.o").rename(folder / "a.o")
+    (folder / "c.o").rename(folder / "b.o")
     assert cache.read("a") is None and cache.read("b") is None
 
 
@@ -162,10 +162,11 @@ def test_what_is_no_file_is_not_waited_for(folder, caplog, kind):
 
 def test_a_full_disk_leaves_nothing_behind(folder, caplog, monkeypatch):
     cache.write("a", CODE)
+    plain = os.fdopen
 
     class Full:
         def __init__(self, descriptor, mode):
-            self.file = os.fdopen(descriptor, mode)
+            self.file = plain(descriptor, mode)
 
         def __enter__(self):
             return self
@@ -177,7 +178,7 @@ def test_a_full_disk_leaves_nothing_behind(folder, caplog, monkeypatch):
             self.file.write(data[:100])
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(cache, "open", Full, raising=False)
+    monkeypatch.setattr(cache.os, "fdopen", Full)
     cache.write("b", CODE)
     assert [e.name for e in entries(folder)] == ["a.o"]
     assert "cannot be written (No space left on device)" in caplog.text

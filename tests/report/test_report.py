@@ -149,7 +149,7 @@ def test_bad_tex_in_a_figure_has_its_place_and_loses_no_member(tmp_path, monkeyp
 
 def test_failed_runs_are_counted_with_their_reasons(results, tmp_path):
     done = results("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [1, 1.0e200, 2]}}")
-    text = "\n".join(words.failures(done.study, list(done.rows())))
+    text = "\n".join(words.failures(list(done.rows())))
     assert "1 of 3 runs did not come to their end" in text
     assert "not finite" in text and "(base-1)" in text
     document.write(tmp_path / "report.html", [done])

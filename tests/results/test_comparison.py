@@ -22,7 +22,7 @@ def result(tmp_path):
         name, times, x, y=None, metrics=None, more=(), unit=None, step=None, steps=0, status="completed", message=""
     ):
         path = tmp_path / name
-        samples = {"b.x": x, "b.y": x[:, 0] if y is None else y, **{m: x[:, 0] for m in more}}
+        samples = {"b.x": x, "b.y": x[:, 0] if y is None else y, **dict.fromkeys(more, x[:, 0])}
         signals = [Recorded(n, v.shape[1:], v.dtype, unit=unit) for n, v in samples.items()]
         writer = ResultWriter(path, signals, {"settings": {"step": step}} if step else {})
         writer.append(times, samples)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 from textwrap import dedent
 
 import h5py
@@ -232,7 +233,7 @@ CHILD = dedent("""
 
 def test_flushed_samples_survive_sigkill(tmp_path):
     path = tmp_path / "run.nc"
-    folder = os.path.dirname(__file__)
+    folder = Path(__file__).parent
     with subprocess.Popen([sys.executable, "-c", CHILD, path, folder], stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout.readline() == "flushed\n"
         os.kill(child.pid, signal.SIGKILL)
@@ -264,8 +265,10 @@ FULL = dedent("""
 def test_a_full_disk_is_an_error_and_keeps_what_was_flushed(tmp_path, limit):
     """A limit on the size of files stands for the full disk: both fail in the same call, in the same way."""
     path = write(tmp_path / "run.nc", 10)
-    folder = os.path.dirname(__file__)
-    child = subprocess.run([sys.executable, "-c", FULL, path, folder, str(limit)], capture_output=True, text=True)
+    folder = Path(__file__).parent
+    child = subprocess.run(
+        [sys.executable, "-c", FULL, path, folder, str(limit)], capture_output=True, text=True, check=False
+    )
     assert (child.returncode, child.stderr) == (0, "")
     *flushed, error, fix = child.stdout.splitlines()
     assert error == f"cannot write {path}: File too large" and "free some space" in fix

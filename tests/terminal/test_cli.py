@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -55,7 +56,7 @@ def test_json_is_one_object_and_nothing_else(cosim, write):
     )
     assert set(answer["seconds"]) == {"setup", "compile", "solve"}
     assert answer["metrics"]["largest"] == pytest.approx(2 * 2 * np.sin(1) / 2, abs=1.5)
-    assert answer["results"] == os.path.join("results", "diagram.nc")
+    assert answer["results"] == str(Path("results", "diagram.nc"))
 
 
 def test_the_table_says_what_changed_since_the_run_before(cosim, write):
@@ -247,7 +248,10 @@ def test_a_warm_run_imports_no_compiler(write):
     command += "assert not {'numba', 'scipy', 'matplotlib', 'xarray'} & set(sys.modules), 'slow import'; sys.exit(code)"
     for _ in range(2):
         done = subprocess.run(
-            [sys.executable, "-c", command, str(path), str(path.with_suffix(".nc"))], capture_output=True, text=True
+            [sys.executable, "-c", command, str(path), str(path.with_suffix(".nc"))],
+            capture_output=True,
+            text=True,
+            check=False,
         )
     assert done.returncode == 0, done.stderr
 

@@ -231,7 +231,7 @@ def test_a_kill_at_the_moment_of_replacement(tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             for name in changing:
                 patch.setattr(os, name, cut(getattr(os, name)))
-            patch.setattr(Path, "unlink", lambda self, missing_ok=False: os.unlink(self))
+            patch.setattr(Path, "unlink", lambda self, missing_ok=False: os.unlink(self))  # noqa: PTH108
             with suppress(SystemExit, FileNotFoundError):
                 ResultWriter(path, signals, {"title": "second"})
         with result_file.open_result(path) as result:
@@ -268,7 +268,7 @@ def test_a_run_needs_no_standard_streams(run, closed, code):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_a_full_standard_output_is_said(run):
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         process, output = run("--stop", "20", "--set", "record.period=0.1", stdout=full)
         _, err = process.communicate(timeout=60)
     assert process.returncode == 1 and "error: cannot write to standard output: No space left on device" in err
@@ -391,8 +391,8 @@ def test_what_several_threads_print_aside_leaves_standard_output_as_it_was(capsy
     for thread in threads:
         thread.join()
     assert sys.stdout is before
-    with pytest.raises(ValueError), streams.aside():
-        raise ValueError
+    with pytest.raises(ValueError, match="inside"), streams.aside():
+        raise ValueError("inside")
     assert sys.stdout is before
     print("object")
     assert capsys.readouterr() == ("object\n", "aside\n" * 3)

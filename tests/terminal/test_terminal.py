@@ -349,4 +349,5 @@ def test_rich_is_imported_only_to_print():
         "import sys, cosim.terminal.screen, cosim.results.result_writer, cosim.results.metrics; "
         "print({'rich', 'h5py', 'numba'} & set(sys.modules))"
     )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "set()\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

@@ -252,6 +252,7 @@ def test_what_a_file_prints_while_it_is_imported_goes_to_standard_error(tmp_path
         env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         capture_output=True,
         text=True,
+        check=False,
     )
     assert done.returncode == 2 or json.loads(done.stdout)["status"] == "completed", done.stderr
     assert not {"one", "two", "three"} & set(done.stdout.split()) and len(done.stdout.splitlines()) == 1
@@ -301,7 +302,13 @@ def test_an_import_that_nothing_ends_ends_the_process(tmp_path):
     program += "importing.PATIENCE = 0.1; importing.AGAIN = 0.05; cli.main(['blocks', 'mine.py:Lag'])"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", program],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert done.returncode == 2 and "the import of `mine.py` does not end" in done.stderr
 

@@ -79,7 +79,8 @@ def _not_reached(loop: ast.For, size: Extent | None, symbols: Symbols) -> set[in
 
 def _bounds(loop: ast.For, symbols: Symbols) -> tuple[Extent | None, Extent | None, int | None]:
     """A loop's first number, the one at which it ends, and the step; one that counts down, from its other end."""
-    numbers = loop.iter.args  # type: ignore[attr-defined]
+    assert isinstance(loop.iter, ast.Call)
+    numbers = loop.iter.args
     step = number(numbers[2]) if len(numbers) == 3 else 1
     end = extent(numbers[min(1, len(numbers) - 1)], symbols)
     first = extent(numbers[0], symbols) if len(numbers) > 1 else ("", 0)

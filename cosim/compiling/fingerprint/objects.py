@@ -108,7 +108,7 @@ class ObjectFeed:
             reduce = copyreg.dispatch_table.get(kind)
             parts = reduce(value) if reduce else value.__reduce_ex__(4)
             listed = (parts,) if isinstance(parts, str) else [list(p) if isinstance(p, Iterator) else p for p in parts]
-        except Exception:  # whatever an author's or a package's own method raises
+        except Exception:  # noqa: BLE001  # whatever an author's or a package's own method raises
             raise NoEnd(f"a {kind.__module__}.{kind.__qualname__}") from None
         self._feed.all("reduced", listed)
 

@@ -57,5 +57,5 @@ def has_own_name(value: Any) -> bool:
         return True
     try:
         return isinstance(value.__qualname__, str) and isinstance(value.__module__, str)
-    except Exception:  # an author's __getattr__ may raise anything
+    except Exception:  # noqa: BLE001  # an author's __getattr__ may raise anything
         return False

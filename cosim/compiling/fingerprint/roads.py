@@ -106,14 +106,14 @@ class Roads:
             if name not in sys.modules and not self._packages.is_home(name):
                 import_module(name)
             return sys.modules[name]
-        except Exception:  # whatever a module raises
+        except Exception:  # noqa: BLE001  # whatever a module raises
             raise NoEnd(f"`import {name}` in a function") from None
 
 
 def _attribute(module: types.ModuleType, name: str) -> Any:
     try:
         return getattr(module, name)
-    except Exception:  # a module's own __getattr__ may raise anything
+    except Exception:  # noqa: BLE001  # a module's own __getattr__ may raise anything
         return _MISSING
 
 

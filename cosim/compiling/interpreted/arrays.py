@@ -18,17 +18,17 @@ class _Reals(np.ndarray):
     """An array of float64, whose elements numpy reads and writes as kernels do."""
 
     @property
-    def size(self) -> Integer:  # type: ignore[override]
+    def size(self) -> Integer:
         """How many elements there are."""
         return checked(super().size)
 
     @property
-    def ndim(self) -> Integer:  # type: ignore[override]
+    def ndim(self) -> Integer:
         """How many axes there are."""
         return checked(super().ndim)
 
-    @property  # type: ignore[misc]
-    def shape(self) -> tuple[Integer, ...]:  # type: ignore[override]
+    @property  # type: ignore[misc]  # numpy's can be assigned to
+    def shape(self) -> tuple[Integer, ...]:
         """The sizes of the axes."""
         return tuple(map(checked, super().shape))
 

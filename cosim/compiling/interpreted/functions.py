@@ -20,7 +20,7 @@ from cosim.compiling.interpreted.numbers import number, truth
 from cosim.compiling.interpreted.stand_ins import BUILTINS, MATH, STANDING, elementwise
 from cosim.compiling.interpreted.truth_values import TRUTH, counting
 
-_functions: dict[int, tuple[Any, Any]] = {}
+_functions: dict[int, tuple[Any, Callable[..., Any]]] = {}
 
 
 def interpreted(python: Callable[..., Any]) -> Callable[..., Any]:

@@ -12,6 +12,6 @@ from functools import cache
 def of_c(name: str, arguments: int) -> Callable[..., float]:
     """A function of the C library, of as many floats."""
     library = ctypes.CDLL(ctypes.util.find_library("m") or None)
-    function = getattr(library, name)
+    function = library[name]
     function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * arguments
     return function

@@ -7,7 +7,7 @@ count as 0 and 1.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class Integer(int):
 
     __array_ufunc__ = None  # so that numpy's numbers leave the operation to this class
 
-    def __new__(cls, value: Any = 0) -> Integer:
+    def __new__(cls, value: Any = 0) -> Self:
         """Raises: OverflowError for what is no 64-bit integer, NaN among it."""
         if not -_SIGN <= value < _SIGN:
             raise OverflowError("no 64-bit integer")
@@ -112,7 +112,8 @@ class Integer(int):
 class Truth(Integer):
     """A truth value, which counts as 0 or 1: what `bool` is to interpreted functions."""
 
-    def __new__(cls, value: Any = False) -> Truth:
+    def __new__(cls, value: Any = False) -> Truth:  # noqa: PYI034  # no other
+        """One of the two that there are."""
         return _TRUTHS[1 if value else 0]
 
 

@@ -45,7 +45,7 @@ class _Counting(ast.NodeTransformer):
         called = ast.Call(ast.Name(TRUTH, ast.Load()), [judged], [])
         return ast.fix_missing_locations(ast.copy_location(called, node))
 
-    visit_Compare = _judge
+    visit_Compare = _judge  # noqa: N815  # ast's name
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
         return self._judge(node) if isinstance(node.op, ast.Not) else self.generic_visit(node)

@@ -17,8 +17,8 @@ from cosim.wiring.network import Component, Task
 from cosim.wiring.order import has_turn
 
 
-def advance(writer: Writer, tasks: Sequence[Task]) -> None:
-    """Write ADVANCE. tasks: all outputs and joins, in the order of their evaluation."""
+def advance(writer: Writer, _tasks: Sequence[Task]) -> None:
+    """Write ADVANCE, which follows from what is published alone, whatever the order of evaluation."""
     components = list(writer.network.components.values())
     continuous = [component for component in components if component.declaration.continuous()]
     single = all(component.takes_one_euler_step for component in continuous)
