@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from cosim.errors import (
     Problems,
     ResultError,
     Terminated,
+    WrongValue,
+    nearest,
 )
 from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
@@ -50,7 +52,7 @@ class Run:
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
     prepared: a program of this network with its kernels, where there is one already.
-    attributes: what else the result's file says of itself.
+    attributes: what else the result's file says of itself. Raises: WrongValue for an engine that there is not.
     """
 
     def __init__(
@@ -63,6 +65,8 @@ class Run:
         attributes: Mapping[str, str] | None = None,
     ) -> None:
         started = clock.perf_counter() if began is None else began
+        if engine not in ENGINES:
+            raise WrongValue(f"there is no engine `{engine}`", fix=nearest(engine, ENGINES))
         self.network = network
         self.engine = engine
         self.output = output
@@ -72,6 +76,7 @@ class Run:
         self._program = prepared[0] if prepared else program.build(network, settings.method)
         self._kernels = prepared[1] if prepared else None
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
+        self._executed = False
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
     @cached_property
@@ -98,15 +103,23 @@ class Run:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
 
         A signal ends the run after the batch that is under way; until the result is closed, further ones lose nothing.
-        Raises: DiagramErrors of what cannot be compiled, ResultError if the result cannot be begun; everything else is
-        in the outcome.
+        Raises: DiagramErrors of what cannot be compiled, ResultError if the result cannot be begun, CosimError if it
+        was executed before, and what `watch` raises; everything else is in the outcome.
         """
+        if self._executed:
+            raise CosimError("this run has been executed", fix="make another `Run` of the same network")
+        self._executed = True
         self.simulation  # noqa: B018  compiled before a result is begun
         with interruption.deferred() as interrupted:
             return self._execute(watch, interrupted)
 
     def _execute(self, watch: Callable[[float], None], interrupted: Interruption) -> Outcome:
-        writer = self._writer() if self.output else None
+        with self._writer() if self.output else nullcontext() as writer:  # which keeps what is there, come what may
+            return self._recorded(writer, watch, interrupted)
+
+    def _recorded(
+        self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption
+    ) -> Outcome:
         status = "completed"
         error: CosimError | None = None
         termination: CosimError | None = None

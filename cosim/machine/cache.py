@@ -158,8 +158,10 @@ def _place(create: bool = False) -> Path | None:
             place.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = place.stat()
         found = _distrust(status) if stat.S_ISDIR(status.st_mode) else "is no folder"
-    except FileNotFoundError:
-        return None
+    except FileNotFoundError as error:
+        if not create:
+            return None
+        found = str(error.strerror)
     except (OSError, RuntimeError) as error:
         found = getattr(error, "strerror", None) or "there is no home: set COSIM_CACHE"
     if found:

@@ -29,13 +29,23 @@ def write_last(file: Any, values: Mapping[str, Any]) -> None:
     for key, size in LAST.items():
         if key == "status":
             file.flush()  # whoever finds a status finds the rest
-        text = (json.dumps(for_json(values[key])) if key in JSON else str(values[key])).encode()
+        text = _text(key, values[key])
         if key == "steps":
             file.attrs.get_id(key).write(np.array(values[key]))
         elif len(text) <= size:
             file.attrs.get_id(key).write(np.array(text, f"S{size}"))
         else:
             file.attrs[key] = text.decode()
+
+
+def size_of(values: Mapping[str, Any]) -> int:
+    """The bytes of what does not fit where it was to be."""
+    sizes = [(len(_text(key, values[key])), size) for key, size in LAST.items() if size]
+    return sum(long for long, size in sizes if long > size)
+
+
+def _text(key: str, value: Any) -> bytes:
+    return (json.dumps(for_json(value)) if key in JSON else str(value)).encode(errors="backslashreplace")
 
 
 def read(file: Any) -> dict[str, Any]:

@@ -33,6 +33,11 @@ def reserve(file: Any, variables: Sequence[Any], count: int, rows: int) -> tuple
             return rows, full
 
 
+def reserve_bytes(file: Any, size: int) -> None:
+    """Have the disk set aside so much for attributes. Raises: OSError."""
+    _set_aside(file, CLOSING_BYTES + 2 * size)
+
+
 def give_back(file: Any) -> None:
     """Cut off what was set aside and is not used."""
     os.ftruncate(file.id.get_vfd_handle(), file.id.get_filesize())

@@ -109,6 +109,13 @@ class ResultWriter:
             problem, status, message = error, "failed", error.message
         last: dict[str, Any] = {"status": status, "message": message, "steps": steps}
         last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
+        try:
+            with as_result_error("write", self.path):
+                disk_space.reserve_bytes(self._file, attributes.size_of(last))
+        except ResultError as full:  # the rows are worth more than the figures, which can be made of them
+            said = f"{message[:200]} (its figures found no space)".strip()
+            problem = problem or full
+            last |= {"status": "failed", "message": said, "metrics": {}, "conditions": []}
         with as_result_error("write", self.path):
             attributes.write_last(self._file, last)
             self._file.flush()

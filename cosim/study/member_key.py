@@ -47,6 +47,8 @@ IGNORED: dict[type, set[str]] = {
     Dimension: {"description"},
 }
 """For each class the fields on which no figure depends, or that are in the key by another way."""
+IN_COMPONENT = {"per", "period", "integrator", "inner_steps"}
+"""The settings of a block that are in the component, where it does not matter who said so."""
 
 _NO_FIGURES = ("plot", "report", "terminal")
 """The parts of this package that compute nothing of a row."""
@@ -121,6 +123,9 @@ def _feed(digest: Any, value: Any) -> None:
         _feed(digest, [type(value).__name__, {k: v for k, v in vars(value).items() if k != "description"}])
     elif is_dataclass(value) and not isinstance(value, type):
         known = [field.name for field in fields(value) if field.name not in IGNORED.get(type(value), ())]
+        if isinstance(value, BlockEntry):
+            known.remove("settings")
+            _feed(digest, {name: node for name, node in value.settings.items() if name not in IN_COMPONENT})
         _feed(digest, [type(value).__name__, {name: getattr(value, name) for name in known}])
     elif value is None or isinstance(value, str | bool | int | float | np.generic | np.dtype):
         digest.update(f"{type(value).__name__} {value!r} ".encode())

@@ -6,8 +6,10 @@ import math
 
 import pytest
 
+from cosim.engine import run
 from cosim.engine.run import Run
-from cosim.errors import DiagramErrors
+from cosim.errors import CosimError, DiagramErrors, WrongValue
+from cosim.results.result_file import open_result
 
 TIMER = """
 run: {stop: 3, step: 0.01}
@@ -115,3 +117,27 @@ def test_a_fleet_that_no_block_is_mapped_over_is_warned_of(wired):
         ("no block is `per: robots`, so the fleet `robots` changes nothing", "did you mean `robot`?")
     ]
     assert not Run(wired(text.replace(", robots: 5", ""))).execute().warnings
+
+
+def test_a_run_is_executed_once_and_by_an_engine_that_there_is(formation, tmp_path):
+    network = run.load(formation, ["run.stop=0.1"])
+    one = run.Run(network, output=tmp_path / "run.nc")
+    assert one.execute().status == "completed"
+    content = (tmp_path / "run.nc").read_bytes()
+    with pytest.raises(CosimError, match="has been executed"):
+        one.execute()
+    assert (tmp_path / "run.nc").read_bytes() == content
+    with pytest.raises(WrongValue, match="no engine `Native`"):
+        run.Run(network, engine="Native")
+
+
+def test_what_a_watch_raises_loses_no_row(formation, tmp_path):
+    network = run.load(formation, ["run.stop=1", "record={period: 0.01, signals: [plant.x]}"])
+
+    def watch(time: float) -> None:
+        raise KeyError("who watches")
+
+    with pytest.raises(KeyError, match="who watches"):
+        run.Run(network, output=tmp_path / "run.nc").execute(watch)
+    with open_result(tmp_path / "run.nc") as result:
+        assert result.attrs["status"] == "failed" and "who watches" in result.attrs["message"] and len(result.times)

@@ -77,6 +77,14 @@ def test_the_command_lists_each_section_with_its_defaults(capsys):
     assert cli.main(["keys"]) == 0
     out = capsys.readouterr().out
     assert 'default "jacobi"' in out and json.dumps(RUN["patience"].default) in out
-    titles = ["a diagram:", "run:", "blocks:", "metrics:", "study:", "study.random:"]
+    titles = [
+        "diagram:",
+        "run:",
+        "blocks:",
+        "metrics:",
+        "study:",
+        "study.random:",
+        "study.tables.TITLE.columns.HEADING:",
+    ]
     assert all(out.index(first) < out.index(second) for first, second in pairwise(titles))
     assert cli.main(["keys", "blok"]) == 2 and "did you mean `blocks`?" in capsys.readouterr().err

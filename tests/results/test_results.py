@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import math
 import os
 import signal
@@ -473,6 +474,21 @@ def test_what_does_not_fit_where_it_was_to_be_is_kept_whole(tmp_path):
     with open_result(tmp_path / "run.nc") as result:
         assert (result.attrs["status"], result.attrs["message"], result.attrs["steps"]) == ("failed", message, 7)
         assert result.attrs["metrics"] == metrics
+
+
+def test_figures_that_find_no_space_cost_no_row(tmp_path, monkeypatch):
+    def full(file, size):
+        if size > 1000:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("cosim.results.disk_space.reserve_bytes", full)
+    writer = ResultWriter(tmp_path / "run.nc", [], {})
+    writer.append(np.arange(50) * 0.1, {})
+    with pytest.raises(ResultError, match="No space left"):
+        writer.close("completed", "", {f"metric_{k}": k / 7 for k in range(500)}, 7)
+    with open_result(tmp_path / "run.nc") as result:
+        assert len(result.times) == 50 and result.attrs["status"] == "failed" and result.attrs["metrics"] == {}
+        assert "found no space" in result.attrs["message"]
 
 
 def test_a_run_that_goes_on_has_no_ending_yet(tmp_path):

@@ -145,7 +145,8 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
             old = getattr(part, name)
             if is_dataclass(old):
                 continue  # it has fields of its own
-            object.__setattr__(part, name, altered(old))
+            own = name == "settings"  # of which some are in the component
+            object.__setattr__(part, name, {**old, "other": Node(1, Position(""))} if own else altered(old))
             assert key() != before, f"{kind.__name__}.{name} is not in the key"
             object.__setattr__(part, name, old)
             seen.append(f"{kind.__name__}.{name}")
@@ -191,3 +192,17 @@ def test_the_program_is_in_the_key(study, monkeypatch):
     before = Variants(loaded).prepared(one).key
     monkeypatch.setattr(keys, "own_files", lambda: b"edited")
     assert Variants(loaded).prepared(one).key != before
+
+
+def test_a_default_that_is_written_out_changes_no_key(study):
+    """`integrator: euler` where the run has it: what a component has counts, not who said so."""
+    loaded = study(RECORDED)
+    (one,) = plan.members(loaded, None)
+    made = Variants(loaded).prepared(one)
+    before = keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program)
+    for component in made.network.components.values():
+        component.entry.settings["integrator"] = Node("euler", Position("d.yaml"))
+        component.entry.settings["inner_steps"] = Node(1, Position("d.yaml"))
+    assert keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program) == before
+    component.entry.settings["mode"] = Node("model-exchange", Position("d.yaml"))
+    assert keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program) != before

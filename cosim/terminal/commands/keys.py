@@ -19,13 +19,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the keys of a section, or all. Raises: UnknownKey."""
-    from cosim.study.study_keys import STUDY
+    from cosim.plot.figures import PANEL
+    from cosim.study.study_keys import BOUNDS, COLUMN, STUDY
 
-    known = {**dict(_sections(DIAGRAM, "")), **dict(_sections(STUDY, "study"))}
+    of_diagram = dict(_sections(DIAGRAM, ""))
+    known = {"diagram": of_diagram.pop(""), **of_diagram, **dict(_sections(STUDY, "study"))}
+    known |= {"study.random.accept.SIGNAL": BOUNDS, "study.tables.TITLE.columns.HEADING": COLUMN}
+    known |= {"study.figures.NAME.panels": PANEL}
     if options.section and options.section not in known:
         raise UnknownKey(f"there is no section `{options.section}`", fix=nearest(options.section, known))
     for name in [options.section] if options.section else known:
-        say(f"{name or 'a diagram'}:")
+        say(f"{name}:")
         print_rows([_row(key, declared) for key, declared in known[name].items()], indent="  ")
         if name == "study.variants":
             say("  and the sections of a diagram, which lie over those of the variant's")
