@@ -26,7 +26,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from cosim.compiling import compiler
-from cosim.engine import loop, probes, run
+from cosim.engine import probes, run, tables
 from cosim.engine.layout import VECTORS
 from cosim.engine.simulation import Simulation
 from cosim.export import build, exporter
@@ -79,7 +79,7 @@ def fence(one: Simulation) -> None:
     layout = program.layout
     spans = [(offset, 8 * layout.states * layout.slopes) for offset in (layout.vectors["SLOPES"],)]
     spans += [(layout.vectors[name], 8 * layout.states) for name in VECTORS]
-    spans += [(row[loop.TABLEAU], 8 * row[loop.STAGES] * (HEAD + row[loop.STAGES])) for row in program.banks]
+    spans += [(row[tables.TABLEAU], 8 * row[tables.STAGES] * (HEAD + row[tables.STAGES])) for row in program.banks]
     for call in program.calls:
         component = program.network.components[call.component]
         spans.append((call.frame, 8 * (6 + len(component.axes) + 2 * len(call.arguments))))
@@ -89,10 +89,10 @@ def fence(one: Simulation) -> None:
                 spans += [(place.offset + k * place.stride, size) for k in range(call.count)]
     for begin, size in spans:
         owned[begin : begin + -(-size // 8) * 8] = True
-    copies = program.rows[program.rows[:, loop.KIND] == loop.COPY]
+    copies = program.rows[program.rows[:, tables.KIND] == tables.COPY]
     for row in copies:
-        for begin in (row[loop.A], row[loop.B]):
-            owned[begin : begin + 8 * row[loop.C]] = True
+        for begin in (row[tables.A], row[tables.B]):
+            owned[begin : begin + 8 * row[tables.C]] = True
     for begin, words in program.layout.published.values():
         owned[begin : begin + 8 * words] = True  # the padding between them is read, and is zero
     library = ctypes.CDLL(None)
@@ -114,7 +114,7 @@ def watch_run(path: str, settings: list[str], broken: bool) -> None:
     one = run.Run(run.load(path, settings))
     fence(one.simulation)
     if broken:
-        one.simulation.buffers.groups[:, loop.CAPACITY] += 1
+        one.simulation.buffers.groups[:, tables.CAPACITY] += 1
     outcome = one.execute()
     print(outcome.as_json())
     assert outcome.status == "completed", outcome.error

@@ -81,6 +81,10 @@ class Declaration:
         """What a diagram may give a start value: states, inputs, and outputs of a foreign block that have one."""
         return [v for v in self.of(State, Input, Output, Local) if isinstance(v, (State, Input)) or v.start is not None]
 
+    def guessable(self) -> list[Variable]:
+        """What a diagram may give a guess: a real output of an author's block, which may be in an algebraic loop."""
+        return [] if self.foreign else [v for v in self.of(Output) if v.dtype == float]
+
     def along(self, rule: Rule) -> list[str]:
         """What a rule names of that which the block computes: if anything, it is judged after a run."""
         computed = {v.name for v in self.of(Output, Local, State)}

@@ -23,18 +23,20 @@ class Foreign(Protocol):
         Whoever opens instances for a run fills them.
         """
 
-    def parts(self, component: Any, calls: Any, arena: Any, loop: Loop, wanted: set[str], zeros: Any) -> Sequence[Part]:
+    def parts(
+        self, component: Any, calls: Any, arena: Any, loop: LoopWords, wanted: set[str], zeros: Any
+    ) -> Sequence[Part]:
         """The instances for one run. zeros: gives memory that all processes of the run share."""
 
 
 @dataclass(frozen=True)
-class Loop:
+class LoopWords:
     """What a foreign block is told of the loop that calls it.
 
     step: the address of the communication step (s). inner_steps: in how many its states are integrated in one,
     each of so many stages; tableau: of the integrator, as of `Tableau.words`. joint: with the states of all others.
-    ending: the address of the word that ends the run, see `cosim.engine.loop.ENDING`. again: of the word that asks for
-    another evaluation of outputs, see `cosim.engine.loop.AGAIN`.
+    ending: the address of the word that ends the run, see `cosim.engine.tables`. again: of the word that asks for
+    another evaluation of outputs.
     """
 
     step: int

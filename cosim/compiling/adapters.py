@@ -50,7 +50,7 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
         adapter: Callable[..., int] = scope["adapter"]
         return adapter
 
-    # A block never reads what it writes in the same call: that would be an algebraic loop, which wiring refuses.
+    # A block never reads what it writes in the same call: an input that its own output feeds is a copy.
     code = function.python.__code__
     place = f"{code.co_filename}:{code.co_firstlineno}"
     facts = digest + text + _declared(declaration, function)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.engine import interpretation, loop
+from cosim.engine import interpretation, loop, tables
 from cosim.engine.compilation import Kernels
 from cosim.engine.probes import Buffers
 from cosim.engine.program import Program
@@ -78,20 +78,21 @@ class Binding:
         """Fill the control block."""
         program, control = self._program, self._control
         for word, array in (
-            (loop.ROWS, program.rows),
-            (loop.BANKS, program.banks),
-            (loop.PHASE, program.phase_words()),
-            (loop.FUNCTIONS, np.array(self._functions, np.int64)),
-            (loop.GROUPS, buffers.groups),
-            (loop.PROBES, buffers.rows),
+            (tables.ROWS, program.rows),
+            (tables.BANKS, program.banks),
+            (tables.PHASE, program.phase_words()),
+            (tables.FUNCTIONS, np.array(self._functions, np.int64)),
+            (tables.GROUPS, buffers.groups),
+            (tables.PROBES, buffers.rows),
         ):
             control[word] = array.ctypes.data
             self._keep.append(array)
-        control[loop.N_GROUPS] = len(buffers.groups)
-        control[loop.STATES] = program.layout.states
-        control[loop.PUBLISHED], control[loop.N_PUBLISHED] = program.layout.published["float64"]
-        control[loop.PUBLISHED32], control[loop.N_PUBLISHED32] = program.layout.published["float32"]
-        control.view(np.float64)[loop.STEP_SIZE] = program.network.diagram.run.step
+        control[tables.N_GROUPS] = len(buffers.groups)
+        control[tables.LOOPS] = len(program.loops)
+        control[tables.STATES] = program.layout.states
+        control[tables.PUBLISHED], control[tables.N_PUBLISHED] = program.layout.published["float64"]
+        control[tables.PUBLISHED32], control[tables.N_PUBLISHED32] = program.layout.published["float32"]
+        control.view(np.float64)[tables.STEP_SIZE] = program.network.diagram.run.step
         for name, offset in program.layout.vectors.items():
             control[getattr(loop, name)] = offset
 

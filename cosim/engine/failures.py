@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.authoring.variables import Local, State
-from cosim.engine import faults, loop
+from cosim.engine import faults, loop, newton
 from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
@@ -63,6 +63,22 @@ def _left_out(call: Call, arena: np.ndarray) -> tuple[str, int, str] | None:
             if len(left):
                 return name, k, f"{name}[{','.join(str(i + 1) for i in left[0])}]" if len(left[0]) else name
     return None
+
+
+def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> BlockFailed:
+    """The error for an algebraic loop whose row found no solution at a time (s)."""
+    loop = program.loops[row]
+    position = program.network.components[loop.torn[0].component].entry.position
+    parts = dict.fromkeys(task.component for task in loop.tasks)
+    left, torn = program.unsolved_error(row, arena), ", ".join(map(str, loop.torn))
+    if left <= newton.TOLERANCE:
+        message = f"the algebraic loop of {', '.join(parts)} leaves {torn} undetermined at t = {time:g} s"
+        return BlockFailed(message, position, "let one of these blocks read a state instead, or sample it")
+    message = f"no solution was found of the algebraic loop of {', '.join(parts)} at t = {time:g} s: "
+    way = "gives no number" if left >= newton.HUGE else f"does not come back to itself, but {left:.1g} away"
+    guess = f"blocks.{loop.torn[0].component}.start.{loop.torn[0].variable}"
+    fix = f"say where to look, {guess}; or sample a block, or let it read a state"
+    return BlockFailed(f"{message}{torn} {way}", position, fix)
 
 
 def failure(program: Program, arena: np.ndarray, call: Call, time: float, interpreted: bool) -> BlockFailed:

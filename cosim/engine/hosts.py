@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cosim.authoring.foreign import Part
-from cosim.engine import loop
+from cosim.engine import tables
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError
@@ -168,11 +168,11 @@ class Watch:
         component = self._program.network.components[self._call().component] if self._program.calls else None
         if self._asked is None and component and not (component.declaration.compiled or component.declaration.foreign):
             return None
-        return int(self._control[loop.STEP]), int(self._control[loop.AT]), *calls
+        return int(self._control[tables.STEP]), int(self._control[tables.AT]), *calls
 
     def stop(self) -> None:
         """Ask the loop to return before its next step."""
-        self._control[loop.STOP] = 1
+        self._control[tables.STOP] = 1
 
     @contextmanager
     def blaming(self, part: Part | None = None) -> Iterator[None]:
@@ -186,7 +186,7 @@ class Watch:
             self._asked = None
 
     def _error(self, end: Ended) -> CosimError:
-        time = int(self._control[loop.STEP]) * self._program.network.diagram.run.step
+        time = int(self._control[tables.STEP]) * self._program.network.diagram.run.step
         part = next((p for p in _all(self._parts) if p.process == end.name), self._asked)
         call = self._call()
         if part is None and call.component in self._parts:
@@ -207,7 +207,7 @@ class Watch:
 
     def silent(self, how: str) -> CosimError:
         """The error for a native function that does not return."""
-        time = int(self._control[loop.STEP]) * self._program.network.diagram.run.step
+        time = int(self._control[tables.STEP]) * self._program.network.diagram.run.step
         call = self._call()
         place = self._program.network.components[call.component].entry.position
         message = f"block {call.component}: {how} in {call.function.name}() at t = {time:g} s"
@@ -216,10 +216,10 @@ class Watch:
 
     def _call(self) -> Call:
         """The call that is being done, or was last."""
-        rows, at = self._program.rows, int(self._control[loop.AT])
+        rows, at = self._program.rows, int(self._control[tables.AT])
         at = at if 0 <= at < len(rows) else 0
-        is_call = rows[at, loop.KIND] == loop.CALL
-        return self._program.calls[int(rows[at, loop.A]) if is_call else 0]
+        is_call = rows[at, tables.KIND] == tables.CALL
+        return self._program.calls[int(rows[at, tables.A]) if is_call else 0]
 
 
 def _all(parts: Parts) -> Iterator[Part]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.engine import faults, loop
+from cosim.engine import faults, tables
 from cosim.engine.layout import Place
 from cosim.engine.writer import Call
 
@@ -38,8 +38,8 @@ def python_of(
         except (Exception, SystemExit) as error:  # noqa: BLE001  # an exit would be lost, and the run go on
             faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
             causes.append(error)
-            return loop.ERROR
-        return loop.OK
+            return tables.ERROR
+        return tables.OK
 
     return run
 

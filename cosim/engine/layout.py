@@ -7,7 +7,7 @@ variable and the members of a fleet lie is decided here, and known by a `Place` 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from cosim.authoring.variables import CalculatedParameter, Input, Local, Output,
 from cosim.integrators import INTEGRATORS
 from cosim.machine.memory import ALIGNMENT, private
 from cosim.wiring import order
-from cosim.wiring.network import Component, Network, Signal
+from cosim.wiring.network import Component, Loop, Network, Signal
 
 #: What stands where no function has written yet: a NaN that arithmetic does not make.
 UNWRITTEN: dict[Any, Any] = {
@@ -125,6 +125,18 @@ class Layout:
         """Where the derivative of a continuous state lies."""
         return state.moved(self.vectors["D"] - self.vectors["X"])
 
+    def unknowns(self, loop: Loop) -> int:
+        """The offset of what the loop's SOLVE has to know of an algebraic loop, and works with; see `loop.py`."""
+        places = [self.places[signal] for signal in loop.torn]
+        fleets = {self.network.components[task.component].fleet for task in loop.tasks}
+        apart = len(fleets) == 1 and fleets != {None} and _is_memberwise(self.network, loop, self.places)
+        members = self.network.components[loop.torn[0].component].count if apart else 1
+        sizes = [self.bytes_of(signal) // 8 // members for signal in loop.torn]
+        size = sum(sizes)
+        work = self.allocate(8 * members * size * (size + 8))
+        pieces = [word for place, n in zip(places, sizes, strict=True) for word in (place.offset, place.stride, n)]
+        return self.constant(np.array([members, size, len(places), work, *pieces], np.int64))
+
     # ---- the state segment ----
 
     def _lay_out_states(self) -> None:
@@ -176,8 +188,11 @@ class Layout:
         variable = component.declaration.variables[port]
         shape = component.shape(variable)
         rank = max(len(self.network.shape(source)) for source in component.wires[port])
-        if order.is_joined(component, port):
-            mapped = max(1, rank) == len(shape) + 1  # else all members read all of what is joined
+        if component.is_joined(port):
+            several = isinstance(component.entry.inputs[port].value, list)
+            mapped = (max(1, rank) if several else rank) == len(
+                shape
+            ) + 1  # else all members read all of what is joined
             place = self._store(component, variable, component.count if mapped else 1)
             self.allocate(8)  # copies are of whole words, and the last one may end in the middle of one
         else:
@@ -242,3 +257,18 @@ def _checked(variable: Variable) -> str:
     if isinstance(variable, (Parameter, Input)) or not variable.finite:
         return ""
     return variable.dtype.name if variable.dtype.name in ("float64", "float32") else ""
+
+
+def _is_memberwise(network: Network, loop: Loop, places: Mapping[Signal, Place]) -> bool:
+    """Whether each member of a fleet depends on itself alone."""
+    parts = {task.component for task in loop.tasks}
+    wires = [
+        (name, port, source)
+        for name in parts
+        for port, sources in network.components[name].wires.items()
+        for source in sources
+        if source.component in parts
+    ]
+    return all(task.function for task in loop.tasks) and all(
+        source.members is None and places[Signal(name, port)].stride for name, port, source in wires
+    )

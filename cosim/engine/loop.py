@@ -14,73 +14,83 @@ from __future__ import annotations
 
 from typing import Any
 
+from cosim.engine.newton import solve
+from cosim.engine.tables import (
+    ADVANCE,
+    AGAIN,
+    BANK_WORDS,
+    BANKS,
+    BEGIN,
+    BEGUN,
+    BUFFER,
+    CAPACITY,
+    CONTROL_WORDS,
+    ELEMENT,
+    END,
+    END_ROW,
+    ENDED,
+    ENDING,
+    EVALUATE,
+    FILLED,
+    FINAL,
+    FIRST_BEGIN,
+    FIRST_END,
+    FIRST_ROW,
+    GROUP_EVERY,
+    GROUP_WORDS,
+    GROUPS,
+    IN_PLACE,
+    INNER_BEGIN,
+    INNER_END,
+    INNER_STEPS,
+    INTEGRATE,
+    KIND,
+    LAST,
+    LOOPS,
+    N_GROUPS,
+    N_PUBLISHED,
+    N_PUBLISHED32,
+    NON_FINITE,
+    OK,
+    ORIGIN,
+    ORIGIN_STEP,
+    PHASE,
+    PHASE_WORDS,
+    PROBE_WORDS,
+    PROBES,
+    PROBES_BEGIN,
+    PROBES_END,
+    PUBLISH,
+    PUBLISHED,
+    PUBLISHED32,
+    ROW_BYTES,
+    ROW_WORDS,
+    ROWS,
+    SAMPLE_WORDS,
+    SETTLE,
+    SLOPES,
+    SOLVE,
+    STAGES,
+    STATES,
+    STEP,
+    STEP_SIZE,
+    STOP,
+    SUM,
+    TABLEAU,
+    UPDATE,
+    WARNING,
+    A,
+    B,
+    D,
+    W,
+    X,
+    copy,
+    evaluate,
+)
 from cosim.integrators import HEAD, NODE
-from cosim.machine.memory import call, integers_at, load, reals_at, words_at
+from cosim.machine.memory import integers_at, load, reals_at, words_at
 from cosim.machine.stages import move
 
-# Status of a call and of a run: FMI's, and one more.
-OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE = range(6)
-
-# The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
-PHASES = ("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE")
-CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
-PHASE_WORDS = 2
-
-# A row: kind, three operands, done every so many steps, at the step's begin (0) or end (1).
-ROW_WORDS = 6
-ROW_BYTES = 8 * ROW_WORDS
-KIND, A, B, C, EVERY, AT_END = range(ROW_WORDS)
-CALL, COPY, INTEGRATE = range(3)  # operands: function, frame | to, from, words | bank
-
-# A bank of states that are integrated together: its part of the state vector, whether stages are written in place,
-# inner steps, the rows that give the derivatives: from published values (first), from the stage's; and the integrator:
-# how many stages it has, and the offset of its tableau, see `cosim.integrators`.
-BANK_WORDS = 10
-BEGIN, END, IN_PLACE, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END, STAGES, TABLEAU = range(10)
-
-# A group of probes that are copied to a buffer every so many steps: [time, probed words…] a row, CAPACITY rows at most.
-GROUP_WORDS = 7
-GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = range(7)
-PROBE_WORDS = 2  # offset, words
-
-# The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 32
-(
-    ROWS,
-    BANKS,
-    FUNCTIONS,
-    GROUPS,
-    PROBES,
-    N_GROUPS,
-    STATES,  # size of the state vector
-    X,  # the published states
-    W,  # the states of the stage that is being evaluated
-    BEGUN,  # the states at the begin of an inner step
-    SUM,  # a weighted sum of slopes
-    D,  # derivatives
-    SLOPES,  # those of every stage so far, one vector after the other
-    PHASE,  # the address of the phases
-    FIRST_ROW,  # what `execute` does
-    END_ROW,
-    STEP,  # the step that is being done; the caller sets the first
-    LAST,  # the step before which to stop
-    FINAL,  # whether to evaluate and probe at LAST too; 0 once that is done
-    AT,  # the row that is being done
-    ELEMENT,  # the offset of the value that is not finite
-    WARNINGS,  # how many calls returned a warning
-    ORIGIN_STEP,  # the step at which the time is ORIGIN
-    ORIGIN,  # a float64 (s)
-    STEP_SIZE,  # the communication step, a float64 (s)
-    ENDING,  # not 0 if no step is to be done after the next communication point, a foreign block may say; then ENDED
-    PUBLISHED,  # float64 numbers that have to be finite at every communication point, besides the states
-    N_PUBLISHED,
-    PUBLISHED32,  # and float32 numbers
-    N_PUBLISHED32,
-    STOP,  # whether somebody wants the loop to return before its next step
-    AGAIN,  # not 0 if a foreign block has had an event at this communication point, which may change what it publishes
-) = range(32)
-
-ENDED = 2
 LIMIT = 2.0**332
 """From this magnitude on, about 1e100, a value has diverged: no quantity is as large; its fourth power overflows."""
 _EXPONENT = 0x7FF0000000000000
@@ -158,23 +168,22 @@ def perform(c: Any, base: int, first: int, last: int, k: int, time: float) -> in
 
 
 def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
-    """Do calls and copies in order, as of step k and a time (s); later: the time of rows that are done at its end."""
-    rows, functions = c[ROWS], c[FUNCTIONS]
-    for o in range(begin, end):
-        row = words_at(rows + o * ROW_BYTES, ROW_WORDS)
-        every = row[EVERY]
-        if every != 1 and k % every != 0:
-            continue
-        c[AT] = o
-        if row[KIND] == CALL:
-            now = later if row[AT_END] != 0 else time
-            status = call(words_at(functions + row[A] * 8, 1)[0], now, base, base + row[B])
-            if status != OK:
-                if status > WARNING:
-                    return status
-                c[WARNINGS] += 1
+    """Do calls, copies and loops in order, as of step k and a time (s); later: of rows that are done at its end."""
+    if c[LOOPS] == 0:
+        return evaluate(c, base, begin, end, k, time, later)
+    o = begin
+    while o < end:
+        row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
+        if row[KIND] == SOLVE:
+            status = solve(c, base, o, k, time, later)
+            o += row[B] + 1
         else:
-            copy(base + row[A], base + row[B], row[C])
+            first = o
+            while o < end and words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[KIND] != SOLVE:
+                o += 1
+            status = evaluate(c, base, first, o, k, time, later)
+        if status > WARNING:
+            return status
     return OK
 
 
@@ -184,14 +193,17 @@ def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -
     if status > WARNING:
         return status
     phase = words_at(c[PHASE] + ADVANCE * PHASE_WORDS * 8, PHASE_WORDS)
-    for o in range(phase[0], phase[1]):
+    o = phase[0]
+    while o < phase[1]:
         row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
+        following = row[B] if row[KIND] == SOLVE else 0
         if row[KIND] == INTEGRATE:
             status = integrate(c, base, row[A], k, time, step)
         else:
-            status = operate(c, base, o, o + 1, k, time, later)
+            status = operate(c, base, o, o + 1 + following, k, time, later)
         if status > WARNING:
             return status
+        o += 1 + following
     return OK
 
 
@@ -278,16 +290,6 @@ def probe(c: Any, base: int, k: int, time: float) -> None:
             copy(row, base + probed[0], probed[1])
             row += probed[1] * 8
         group[FILLED] += 1
-
-
-def copy(to: int, source: int, n: int) -> None:
-    """Copy n words, most often one, from an address to another."""
-    if n == 1:
-        words_at(to, 1)[0] = words_at(source, 1)[0]
-        return
-    there, here = words_at(to, n), words_at(source, n)
-    for j in range(n):
-        there[j] = here[j]
 
 
 def is_sound(c: Any, base: int) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.engine import loop
+from cosim.engine import tables
 from cosim.engine.program import Program
 from cosim.wiring.network import Signal
 
@@ -76,16 +76,16 @@ class Buffers:
             self.arrays.append(buffer)
             self._columns.append(columns)
             groups.append([group.every, begin, len(rows), width, 0, buffer.ctypes.data, capacity])
-        self.groups = words(len(groups), loop.GROUP_WORDS)
+        self.groups = words(len(groups), tables.GROUP_WORDS)
         self.groups[:] = np.array(groups, np.int64).reshape(self.groups.shape)
-        self.rows = np.array(rows, np.int64).reshape(-1, loop.PROBE_WORDS)
+        self.rows = np.array(rows, np.int64).reshape(-1, tables.PROBE_WORDS)
 
     def take(self) -> list[Samples]:
         """What the groups hold, which makes room for more; valid until the loop goes on."""
         result = []
         for row, buffer, columns in zip(self.groups, self.arrays, self._columns, strict=True):
-            filled = min(max(0, int(row[loop.FILLED])), len(buffer))  # a crash may have left any number
-            row[loop.FILLED] = 0
+            filled = min(max(0, int(row[tables.FILLED])), len(buffer))  # a crash may have left any number
+            row[tables.FILLED] = 0
             values = {column.signal: column.of(buffer[:filled]) for column in columns}
             result.append(Samples(buffer[:filled, 0].view(np.float64).copy(), values))
         return result

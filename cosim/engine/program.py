@@ -22,12 +22,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.authoring.variables import Input, Parameter
-from cosim.engine import loop
+from cosim.engine import newton, tables
 from cosim.engine.layout import Layout, Place, copy_of
 from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.wiring import order
-from cosim.wiring.network import Network, Signal, Task
+from cosim.wiring.network import Loop, Network, Signal, Task
 
 METHODS = {"jacobi": jacobi.advance, "gauss-seidel": gauss_seidel.advance, "joint": joint.advance}
 
@@ -37,7 +37,7 @@ class Program:
     """What the loop needs of a diagram, position-independent; see `cosim.engine.loop` for the columns.
 
     phases: the rows of each, by name. started: the row after which a state is set that a start function computes.
-    layout: where everything lies in the arena.
+    loops: algebraic loops, by the row that solves them. layout: where everything lies in the arena.
     """
 
     network: Network
@@ -48,15 +48,23 @@ class Program:
     calls: list[Call]
     phases: dict[str, tuple[int, int]]
     started: list[tuple[int, Signal]]
+    loops: dict[int, Loop]
 
     @property
     def places(self) -> dict[Signal, Place]:
         """Where each variable lies."""
         return self.layout.places
 
+    def unsolved_error(self, row: int, arena: np.ndarray) -> float:
+        """The error of the guess at which the solver of an algebraic loop, by its row, gave up."""
+        offset = int(self.rows[row, tables.A])
+        blocks, equations, _, work = arena[offset : offset + 8 * tables.UNKNOWNS_WORDS].view(np.int64)
+        at = int(work + newton.F * blocks * equations * 8)
+        return float(arena[at : at + 8].view(np.float64)[0])
+
     def phase_words(self) -> np.ndarray:
         """The first row of each phase and the one after its last, as the loop wants them."""
-        return np.array([self.phases[name] for name in loop.PHASES], np.int64)
+        return np.array([self.phases[name] for name in tables.PHASES], np.int64)
 
     def revalued(self, network: Network, changed: Iterable[Signal]) -> Program:
         """The same program with the values that the changed signals have in `network`, from `wiring.revalue`."""
@@ -106,15 +114,16 @@ def build(network: Network, method: str) -> Program:
         network=network,
         layout=layout,
         arena=layout.arena(),
-        rows=np.array(writer.rows, np.int64).reshape(-1, loop.ROW_WORDS),
-        banks=np.array(writer.banks, np.int64).reshape(-1, loop.BANK_WORDS),
+        rows=np.array(writer.rows, np.int64).reshape(-1, tables.ROW_WORDS),
+        banks=np.array(writer.banks, np.int64).reshape(-1, tables.BANK_WORDS),
         calls=writer.calls,
         phases=writer.phases,
         started=writer.started,
+        loops=writer.loops,
     )
 
 
-def _write_start(writer: Writer, tasks: Iterable[Task]) -> None:
+def _write_start(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
     """CALCULATE and START."""
     components, layout = writer.network.components.values(), writer.layout
     begin = writer.begin()
@@ -131,7 +140,7 @@ def _write_start(writer: Writer, tasks: Iterable[Task]) -> None:
     writer.phase("START", begin)
 
 
-def _write_point(writer: Writer, tasks: Iterable[Task]) -> None:
+def _write_point(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
     """PUBLISH, EVENTS, EVALUATE, SETTLE."""
     components, layout = writer.network.components, writer.layout
     begin = writer.begin()

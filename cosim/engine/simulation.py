@@ -14,8 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from cosim.authoring.foreign import Loop, Part
-from cosim.engine import failures, hosts, loop
+from cosim.authoring.foreign import LoopWords, Part
+from cosim.engine import failures, hosts, tables
 from cosim.engine.binding import Binding
 from cosim.engine.compilation import Kernels
 from cosim.engine.layout import copy_of
@@ -47,7 +47,7 @@ class Simulation:
         self.arena = copy_of(program.arena, self._zeros)
         self.probes = probes
         self.buffers = Buffers(program, self.arena, probes, self.steps, self._words)
-        self.control = self._words(loop.CONTROL_WORDS)
+        self.control = self._words(tables.CONTROL_WORDS)
         self.breakable: Callable[[], AbstractContextManager[None]] = nullcontext  # put around what is interpreted
         self._interpreted = kernels is None and not self._forked
         self._initialized = False
@@ -92,22 +92,22 @@ class Simulation:
             component, calls, self.arena, self._loop(component), wanted, self._zeros
         )
 
-    def _loop(self, component: Component) -> Loop:
+    def _loop(self, component: Component) -> LoopWords:
         """What a foreign block is told of the loop."""
         run = self.program.network.diagram.run
         joint = run.method == "joint"
         integrator, inner_steps = (
             (run.integrator, run.inner_steps) if joint else (component.integrator, component.inner_steps)
         )
-        words = {w: self.control.ctypes.data + 8 * w for w in (loop.STEP_SIZE, loop.ENDING, loop.AGAIN)}
-        return Loop(
-            step=words[loop.STEP_SIZE],
+        words = {w: self.control.ctypes.data + 8 * w for w in (tables.STEP_SIZE, tables.ENDING, tables.AGAIN)}
+        return LoopWords(
+            step=words[tables.STEP_SIZE],
             inner_steps=inner_steps,
             stages=INTEGRATORS[integrator].count,
             tableau=INTEGRATORS[integrator].words(),
             joint=joint,
-            ending=words[loop.ENDING],
-            again=words[loop.AGAIN],
+            ending=words[tables.ENDING],
+            again=words[tables.AGAIN],
         )
 
     # ---- running ----
@@ -125,7 +125,7 @@ class Simulation:
     def execute(self, first: str, last: str, wanted: Callable[[], bool] = supervision.never) -> None:
         """Do phases that follow each other, once, at time zero. Raises: as `initialize`."""
         phases = self.program.phases
-        self.control[loop.FIRST_ROW], self.control[loop.END_ROW] = phases[first][0], phases[last][1]
+        self.control[tables.FIRST_ROW], self.control[tables.END_ROW] = phases[first][0], phases[last][1]
         self._raise(self._have("execute", wanted))
 
     def close(self) -> None:
@@ -144,7 +144,7 @@ class Simulation:
     @property
     def done(self) -> int:
         """How many steps are done."""
-        return int(self.control[loop.STEP])
+        return int(self.control[tables.STEP])
 
     @property
     def time(self) -> float:
@@ -162,8 +162,8 @@ class Simulation:
         finished = False
         while not finished:
             before, last = self.done, min(self.done + size, self.steps)
-            self.control[loop.LAST], self.control[loop.FINAL] = last, last == self.steps
-            self.control[loop.STOP] = 0
+            self.control[tables.LAST], self.control[tables.FINAL] = last, last == self.steps
+            self.control[tables.STOP] = 0
             began = clock.perf_counter()
             status, error = self._do_batch(wanted)
             spent = clock.perf_counter() - began
@@ -171,9 +171,9 @@ class Simulation:
             if error:
                 raise error
             self._raise(status)
-            if self.control[loop.ENDING] == loop.ENDED and self.done < self.steps:
+            if self.control[tables.ENDING] == tables.ENDED and self.done < self.steps:
                 raise next(p.trace.termination() for ps in self._parts.values() for p in ps if p.trace.terminated)
-            finished = last == self.steps and not self.control[loop.FINAL]
+            finished = last == self.steps and not self.control[tables.FINAL]
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
@@ -187,15 +187,18 @@ class Simulation:
         try:
             return self._have("run", wanted), None
         except (CosimError, KeyboardInterrupt) as error:  # a process has ended, but what it probed is here
-            return loop.OK, error
+            return tables.OK, error
 
     def _raise(self, status: int) -> None:
         """Raises: the error that a status of the loop means."""
-        if status <= loop.WARNING:
+        if status <= tables.WARNING:
             return
-        if status == loop.NON_FINITE:
-            raise failures.divergence(self.program, self.arena, int(self.control[loop.ELEMENT]), self.time)
-        call = self.program.calls[int(self.program.rows[int(self.control[loop.AT]), loop.A])]
+        if status == tables.NON_FINITE:
+            raise failures.divergence(self.program, self.arena, int(self.control[tables.ELEMENT]), self.time)
+        row = int(self.control[tables.AT])
+        if status == tables.UNSOLVED:
+            raise failures.unsolved(self.program, self.arena, row, self.time)
+        call = self.program.calls[int(self.program.rows[row, tables.A])]
         if call.component in self._parts:
             assert self._host
             raise self._host.failure(call.component, self.time)
@@ -210,5 +213,5 @@ class Simulation:
 
 def _standard(function: Callable[..., int]) -> int:
     """Call a function of the loop with IEEE 754's arithmetic, whatever else this process has loaded."""
-    with floating.standard():
+    with floating.standard(), np.errstate(all="ignore"):
         return function()

@@ -9,11 +9,11 @@ import numpy as np
 
 from cosim.authoring.declaration import Function
 from cosim.compiling.frame import frame_of
-from cosim.engine import loop
+from cosim.engine import tables
 from cosim.engine.layout import Layout, Place
 from cosim.integrators import INTEGRATORS
 from cosim.wiring import order
-from cosim.wiring.network import Component, Network, Signal, Task
+from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
 Range = tuple[int, int]
 
@@ -32,7 +32,8 @@ class Call:
 class Writer:
     """Appends rows, and remembers which belong to which phase.
 
-    started: the row after which a state is set that a start function computes. at_end: whether a row is done at the
+    started: the row after which a state is set that a start function computes.
+    loops: those that are solved, by row. at_end: whether a row is done at the
     end of a step, every: at which communication points.
     """
 
@@ -44,6 +45,7 @@ class Writer:
         self.calls: list[Call] = []
         self.phases: dict[str, Range] = {}
         self.started: list[tuple[int, Signal]] = []
+        self.loops: dict[int, Loop] = {}
         self._tableaus: dict[str, int] = {}
 
     def begin(self) -> int:
@@ -62,11 +64,11 @@ class Writer:
 
     def copy(self, to: int, source: int, size: int, every: int = 1) -> None:
         """Copy so many bytes, in whole words."""
-        self._row(loop.COPY, to, source, -(-size // 8), every)
+        self._row(tables.COPY, to, source, -(-size // 8), every)
 
     def integrate(self, bank: int) -> None:
         """Integrate a bank over a communication step."""
-        self._row(loop.INTEGRATE, bank)
+        self._row(tables.INTEGRATE, bank)
 
     def call(
         self, component: Component, function: Function, stage: bool = False, at_end: bool = False, every: int = 1
@@ -77,7 +79,7 @@ class Writer:
         sizes = {name: component.axes[name].size for name in frame.dimensions}
         placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None}
         offset = self.layout.constant(np.array(frame.words(component.count, sizes, placed), np.int64))
-        self._row(loop.CALL, len(self.calls), offset, every=every, at_end=at_end)
+        self._row(tables.CALL, len(self.calls), offset, every=every, at_end=at_end)
         self.calls.append(Call(component.name, function, component.count, offset, tuple(places.values())))
 
     def call_kind(self, component: Component, kind: str, every: int = 1) -> None:
@@ -85,9 +87,11 @@ class Writer:
         for function in component.declaration.kind(kind):
             self.call(component, function, every=every)
 
-    def start(self, task: Task) -> None:
+    def start(self, task: Task | Loop) -> None:
         """Evaluate for the first time; a start value that the diagram gives wins over a computed one."""
-        self.tasks([task])
+        self.tasks([task], first=True)
+        if isinstance(task, Loop):
+            return
         component = self.network.components[task.component]
         for function in component.declaration.kind("start"):
             if function.name == task.function:
@@ -111,16 +115,27 @@ class Writer:
         vectors = self.layout.vectors
         self.copy(vectors[to] + 8 * begin, vectors[source] + 8 * begin, 8 * (end - begin))
 
-    def tasks(self, tasks: Iterable[Task], at_end: bool = False) -> None:
-        """Evaluate, in order: outputs, sampled ones when they are due, and joins of several sources."""
+    def tasks(self, tasks: Iterable[Task | Loop], at_end: bool = False, first: bool = False) -> None:
+        """Evaluate, in order: outputs, sampled ones when they are due, joins of several sources, and loops of them."""
         for task in tasks:
+            if isinstance(task, Loop):
+                self._solve(task, at_end, first)
+                continue
             component = self.network.components[task.component]
             if task.function:
                 function = next(f for f in component.declaration.functions if f.name == task.function)
-                every = component.every if order.is_sampled(component) and function.kind == "outputs" else 1
+                every = component.every if component.is_sampled and function.kind == "outputs" else 1
                 self.call(component, function, at_end=at_end, every=every)
             else:
                 self._join(component, task.port)
+
+    def _solve(self, loop_: Loop, at_end: bool, first: bool) -> None:
+        """Solve an algebraic loop: a row for it, then those that evaluate it. first: as there is only one solution."""
+        row = len(self.rows)
+        self._row(tables.SOLVE, self.layout.unknowns(loop_), c=int(first), at_end=at_end)
+        self.loops[row] = loop_
+        self.tasks(loop_.tasks, at_end)
+        self.rows[row][tables.B] = len(self.rows) - row - 1
 
     def _join(self, component: Component, port: str) -> None:
         to = self.layout.places[Signal(component.name, port)].offset

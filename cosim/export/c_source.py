@@ -6,14 +6,14 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from cosim.engine import loop
+from cosim.engine import tables
 from cosim.export.model import PHASES, Model, rows
 from cosim.export.model_description import ModelDescription
 
 
 def layout() -> str:
-    """The constants of `cosim.engine.loop` as a header, so that the two cannot drift apart."""
-    names = {name: value for name, value in vars(loop).items() if name.isupper() and isinstance(value, int)}
+    """The constants of `cosim.engine.tables` as a header, so that the two cannot drift apart."""
+    names = {name: value for name, value in vars(tables).items() if name.isupper() and isinstance(value, int)}
     names |= {name: number for number, name in enumerate(PHASES)}
     lines = [f"    ENGINE_{name} = {value}," for name, value in names.items() if not name.startswith("_")]
     return "\n".join(["#ifndef COSIM_LAYOUT_H", "#define COSIM_LAYOUT_H", "enum {", *lines, "};", "#endif", ""])

@@ -10,13 +10,12 @@ from typing import Literal
 import numpy as np
 
 from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit, Variable
-from cosim.engine import loop, program
+from cosim.engine import program, tables
 from cosim.engine.layout import Place
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError
 from cosim.export.subnetwork import SubNetwork
-from cosim.wiring import order
 from cosim.wiring.network import Component, Network, Signal
 
 Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED"]
@@ -162,7 +161,7 @@ class _Describer:
             need = "CALCULATED" if isinstance(declared, CalculatedParameter) else "NOTHING"
         elif not isinstance(declared, Input):
             need = "EVALUATED"
-            variability = "discrete" if order.is_sampled(component) else variability
+            variability = "discrete" if component.is_sampled else variability
         shape = (component.count, *place.shape) if place.stride else place.shape
         has_start = initial != "calculated"
         return FmiVariable(
@@ -187,7 +186,7 @@ class _Describer:
     def _kind(self, component: Component, declared: Variable) -> Kind:
         if declared in component.declaration.continuous():
             return "CONTINUOUS_STATE"
-        if isinstance(declared, Output) and declared.dtype.kind != "f" and not order.is_sampled(component):
+        if isinstance(declared, Output) and declared.dtype.kind != "f" and not component.is_sampled:
             return "DISCRETE_OUTPUT"
         return "PARAMETER" if isinstance(declared, Parameter) else "OTHER"
 
@@ -280,7 +279,7 @@ class _Dependencies:
         sources = component.wires[port]
         found = _merged(self.of(source.whole) for source in sources)
         same = component.fleet is not None and self.network.components[sources[0].component].fleet == component.fleet
-        whole = sources[0].members is None and not order.is_joined(component, port)
+        whole = sources[0].members is None and not component.is_joined(port)
         return found if same and whole else dict.fromkeys(found, False)
 
     def _of_state(self, component: Component, declared: State, signal: Signal) -> Knowns:
@@ -301,7 +300,7 @@ def _merged(parts: Iterable[Knowns]) -> Knowns:
 # ---- phases -----------------------------------------------------------------------------------------------------
 
 #: What only FMUs do: EVALUATE while sampled blocks hold what they gave, and the derivatives of all states.
-PHASES = (*loop.PHASES, "HELD", "DERIVATIVES")
+PHASES = (*tables.PHASES, "HELD", "DERIVATIVES")
 
 
 @dataclass
@@ -318,17 +317,17 @@ class Rows:
 def rows(model: Model) -> Rows:
     """The program's rows, followed by rows of our own for what only FMUs do."""
     built = model.program
-    sampled = {name for name, component in model.network.components.items() if order.is_sampled(component)}
+    sampled = {name for name, component in model.network.components.items() if component.is_sampled}
 
     def is_held(row: list[int]) -> bool:
-        return row[loop.KIND] == loop.CALL and built.calls[row[loop.A]].component in sampled
+        return row[tables.KIND] == tables.CALL and built.calls[row[tables.A]].component in sampled
 
     found = built.rows.tolist()
     held = [row for row in found[slice(*built.phases["EVALUATE"])] if not is_held(row)]
-    first = [slice(int(bank[loop.FIRST_BEGIN]), int(bank[loop.FIRST_END])) for bank in built.banks]
+    first = [slice(int(bank[tables.FIRST_BEGIN]), int(bank[tables.FIRST_END])) for bank in built.banks]
     derivatives = [row for part in first for row in found[part]]
-    phases = [built.phases[name] for name in loop.PHASES]
+    phases = [built.phases[name] for name in tables.PHASES]
     for added in (held, derivatives):
         phases.append((len(found), len(found) + len(added)))
         found += added
-    return Rows(np.array(found, np.int64).reshape(-1, loop.ROW_WORDS), phases)
+    return Rows(np.array(found, np.int64).reshape(-1, tables.ROW_WORDS), phases)

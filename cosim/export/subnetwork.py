@@ -11,7 +11,7 @@ from cosim.engine import program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, NotExportable, UnknownBlock, WrongValue, nearest
 from cosim.wiring import order
-from cosim.wiring.network import Component, Network, Signal
+from cosim.wiring.network import Component, Loop, Network, Signal
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,12 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
         started |= {Signal(name, state): state in component.given for state in computed}
         component = replace(component, wires=kept, values=values, given=component.given - computed)
         components[name] = _member(component, member - 1) if fleet else component
-    return SubNetwork(order.ordered(Network(network.diagram, components)), started)
+    cut = order.ordered(Network(network.diagram, components))
+    if loop := next((item for item in cut.evaluation if isinstance(item, Loop)), None):
+        message = f"an algebraic loop through `{loop.torn[0]}` cannot be exported as one FMU"
+        fix = "export its blocks one by one, and let the importer solve it"
+        raise NotExportable(message, components[loop.torn[0].component].entry.position, fix)
+    return SubNetwork(cut, started)
 
 
 def _checked(network: Network, blocks: Sequence[str]) -> list[str]:
@@ -96,7 +101,7 @@ def _opened(network: Network, names: list[str], single: bool) -> dict[Signal, np
         component = network.components[name]
         for port, sources in component.wires.items():
             inside = all(source.component in names for source in sources)
-            if inside and not (single and order.is_joined(component, port)):
+            if inside and not (single and component.is_joined(port)):
                 continue
             place = whole.places[Signal(name, port)]
             instances = component.count if place.stride else 1

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.authoring.foreign import Loop
+from cosim.authoring.foreign import LoopWords
 from cosim.compiling.frame import frame_of
 from cosim.fmu import c_library, fields
 from cosim.fmu.binary import Binary
@@ -54,7 +54,7 @@ class AdapterTables:
 
     # ---- what all calls share ----
 
-    def link(self, link: np.ndarray, loop: Loop) -> None:
+    def link(self, link: np.ndarray, loop: LoopWords) -> None:
         """Fill the link, with a record for each instance. loop: how it steps. Raises: FmuError."""
         fmu = self._fmu
         indicators = fmu.description.numberOfEventIndicators if fmu.kind == fields.MODEL_EXCHANGE else 0

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.authoring.foreign import Loop
+from cosim.authoring.foreign import LoopWords
 from cosim.errors import CosimError, TooManyInstances
 from cosim.fmu import claims, fields, messages
 from cosim.fmu.adapter_tables import AdapterTables
@@ -49,7 +49,7 @@ class Instances:
         component: Any,
         calls: Sequence[Any],
         arena: np.ndarray,
-        loop: Loop,
+        loop: LoopWords,
         wanted: set[str],
         zeros: Callable[[int], np.ndarray] = private,
         members: range | None = None,

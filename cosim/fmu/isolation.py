@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.authoring.foreign import Loop
+from cosim.authoring.foreign import LoopWords
 from cosim.compiling import kernels
 from cosim.fmu import adapter, fields, mailbox
 from cosim.fmu.instance import Instances
@@ -81,7 +81,7 @@ def parts(
     component: Any,
     calls: Sequence[Any],
     arena: np.ndarray,
-    loop: Loop,
+    loop: LoopWords,
     wanted: set[str],
     zeros: Callable[[int], np.ndarray],
 ) -> list[Served]:

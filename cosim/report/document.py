@@ -20,13 +20,13 @@ from cosim.plot import distribution
 from cosim.plot.figures import Figure
 from cosim.report import words
 from cosim.results.software_versions import versions
-from cosim.study import file_names, running, tables
+from cosim.study import file_names, running, text_tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
 from cosim.study.executors import processors
 from cosim.study.member_run import Row
 from cosim.study.running import Results
-from cosim.study.tables import TextTable
+from cosim.study.text_tables import TextTable
 
 HEAD_BYTES = 4096  # of a page, in which it says what made it
 
@@ -83,7 +83,7 @@ def _section(results: Results, pictures: str) -> str:
     if study.description:
         parts.append(f"<p>{escape(study.description)}</p>")
     parts.append(_list(f"{v.name}: {v.description}" for v in study.variants.values() if v.description))
-    parts += [_table(table) for table in tables.tables(results)]
+    parts += [_table(table) for table in text_tables.tables(results)]
     if study.references:
         origins = escape(" and ".join(study.origins))
         parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
@@ -156,7 +156,7 @@ def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, dict[str, n
     """For each point of the grid the values of a metric in each variant."""
     found: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
-        point = ", ".join(f"{axis.name} = {tables.label(study, row, axis.name)}" for axis in study.grid)
+        point = ", ".join(f"{axis.name} = {text_tables.label(study, row, axis.name)}" for axis in study.grid)
         found.setdefault(point, {}).setdefault(row["variant"], []).append(scalar(row["metrics"].get(metric)))
     return {point: {name: np.array(v, float) for name, v in groups.items()} for point, groups in found.items()}
 

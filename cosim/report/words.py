@@ -14,7 +14,7 @@ from cosim.study.dataset import scalar
 from cosim.study.definition import Question, Study, TableColumn
 from cosim.study.member_run import Row
 from cosim.study.running import FAILED
-from cosim.study.tables import cell, heading, satisfies, with_statistic
+from cosim.study.text_tables import cell, heading, satisfies, with_statistic
 
 AGREES = 0.1
 """Relative difference up to which two figures are called the same."""

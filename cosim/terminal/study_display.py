@@ -8,7 +8,7 @@ import time
 from typing import IO, Any, Self
 
 from cosim.results.formatting import format_duration
-from cosim.study.tables import TextTable
+from cosim.study.text_tables import TextTable
 from cosim.terminal.screen import CONTROLS, PATIENCE, print_table
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, ResultError
-from cosim.study import dataset, file_names, running, study_file, tables
+from cosim.study import dataset, file_names, running, study_file, text_tables
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
 from cosim.terminal.exits import DONE, STOPPED
@@ -62,7 +62,7 @@ def run(path: Path, options: argparse.Namespace) -> Results:
             print(f"came as far as {so_far}; {kept}", file=sys.stderr)
             raise
     dataset.write(folder / "study.nc", results)
-    tables.write(results, tables.tables(results))
+    text_tables.write(results, text_tables.tables(results))
     return results
 
 
@@ -71,10 +71,10 @@ def _report(results: Results, as_json: bool) -> None:
     if as_json:
         content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.folder / "study.nc")}
         content |= {"members": results.total, "ran": results.ran, "seconds": round(results.seconds, 3), **summary}
-        content["tables"] = {t.title: [t.head, *t.rows] for t in tables.tables(results)}
+        content["tables"] = {t.title: [t.head, *t.rows] for t in text_tables.tables(results)}
         print(json.dumps(content, ensure_ascii=False))
         return
-    for table in tables.tables(results):
+    for table in text_tables.tables(results):
         study_display.show(table)
     counts = ", ".join(f"{count} {status}" for status, count in summary["counts"].items())
     counts += "" if summary["failed"] else ", none failed"

@@ -10,7 +10,7 @@ from cosim.language.source import Node
 from cosim.language.swaps import Swap
 from cosim.language.values import Value
 from cosim.wiring.absent import Absent
-from cosim.wiring.network import Component, Network, Signal, Task
+from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
 
 @dataclass
@@ -29,8 +29,8 @@ class Draft:
     unchecked: list[str] = field(default_factory=list)
     recorded: tuple[Signal, ...] = ()
     reduced: dict[str, Signal] = field(default_factory=dict)
-    initial: tuple[Task, ...] = ()
-    evaluation: tuple[Task, ...] = ()
+    initial: tuple[Task | Loop, ...] = ()
+    evaluation: tuple[Task | Loop, ...] = ()
     absent: Absent = field(default_factory=Absent)
 
     def network(self) -> Network:

@@ -18,7 +18,7 @@ def take(draft: Draft, component: Component) -> None:
     """Match an entry's parameters and start values with the declaration, and take defaults for the rest."""
     declaration, entry = component.declaration, component.entry
     parameters = {v.name: v for v in declaration.of(Parameter)}
-    starts = {v.name: v for v in declaration.startable()}
+    starts = {v.name: v for v in (*declaration.startable(), *declaration.guessable())}
     _take_given(draft, component, entry.parameters, parameters, "parameter")
     _take_given(draft, component, entry.start, starts, "state or input to start")
     for variable in (*parameters.values(), *starts.values()):
@@ -56,7 +56,7 @@ def evaluate(draft: Draft) -> None:
         declaration = component.declaration
         if any(component.signal_axes(variable) is None for variable in declaration.variables.values()):
             continue
-        for variable in (*declaration.of(Parameter), *declaration.startable()):
+        for variable in (*declaration.of(Parameter), *declaration.startable(), *declaration.guessable()):
             value = draft.values.get((component.name, variable.name))
             if value is not None:
                 _evaluate(draft, component, variable, value)

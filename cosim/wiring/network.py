@@ -11,7 +11,7 @@ from typing import TypeGuard
 import numpy as np
 
 from cosim.authoring.declaration import Declaration
-from cosim.authoring.variables import Input, Variable
+from cosim.authoring.variables import Input, State, Variable
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
 from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import BlockEntry, Diagram
@@ -130,6 +130,22 @@ class Component:
         own = tuple(Axis(d) if isinstance(d, int) else self.axes[d] for d in variable.shape)
         return (Axis(self.count, self.fleet), *own) if self.fleet else own
 
+    @property
+    def is_sampled(self) -> bool:
+        """Whether its outputs change at its sample times only."""
+        declaration = self.declaration
+        return declaration.sampled or (bool(declaration.kind("update")) and not declaration.kind("derivatives"))
+
+    def is_joined(self, port: str) -> bool:
+        """Whether an input is copied to memory of its own.
+
+        So is what several sources bring along a fleet, and an output of the same block, which the function that reads
+        it may be about to write.
+        """
+        own = [source.variable for source in self.wires.get(port, ()) if source.component == self.name]
+        outputs = [name for name in own if not isinstance(self.declaration.variables[name], State)]
+        return isinstance(self.entry.inputs[port].value, list) or bool(outputs)
+
     def counts_members(self, dimension: int | str) -> TypeGuard[str]:
         """Whether a dimension is the size of a fleet."""
         return isinstance(dimension, str) and dimension in self.axes and self.axes[dimension].fleet is not None
@@ -150,6 +166,14 @@ class Task:
     port: str = ""
 
 
+@dataclass(frozen=True)
+class Loop:
+    """Tasks that depend on each other at one instant, in order, and the signals whose values are solved for."""
+
+    tasks: tuple[Task, ...]
+    torn: tuple[Signal, ...]
+
+
 @dataclass
 class Network:
     """A resolved diagram. unchecked: blocks that are left out, as their code was not to be run.
@@ -164,8 +188,8 @@ class Network:
     unchecked: list[str] = field(default_factory=list)
     recorded: tuple[Signal, ...] = ()
     reduced: dict[str, Signal] = field(default_factory=dict)
-    initial: tuple[Task, ...] = ()
-    evaluation: tuple[Task, ...] = ()
+    initial: tuple[Task | Loop, ...] = ()
+    evaluation: tuple[Task | Loop, ...] = ()
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""

@@ -1,37 +1,35 @@
 """The order in which outputs are evaluated: a function comes after every function that computes what it reads.
 
 Direct feedthrough is read off the signatures: an output that is a state, or whose function names no input, depends on
-nothing at the same instant. Outputs that depend on each other are an algebraic loop, which is refused.
+nothing at the same instant. Outputs that depend on each other are an algebraic loop, one item of the order: see
+`loops`.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from graphlib import CycleError, TopologicalSorter
-from typing import TYPE_CHECKING
+from graphlib import TopologicalSorter
 
 from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Input, State
-from cosim.errors import AlgebraicLoop, DiagramErrors
-from cosim.wiring.network import Component, Network, Signal, Task
-
-if TYPE_CHECKING:
-    import networkx
+from cosim.errors import Problems
+from cosim.wiring import loops
+from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
 
 def ordered(network: Network) -> Network:
-    """The network with its orders. Raises: DiagramErrors with every AlgebraicLoop."""
+    """The network with its orders. Raises: DiagramErrors with every AlgebraicLoop that cannot be solved."""
     return replace(network, initial=tuple(initial_order(network)), evaluation=tuple(evaluation_order(network)))
 
 
-def evaluation_order(network: Network) -> list[Task]:
-    """All `outputs` functions and joins, sources first. Raises: DiagramErrors with every AlgebraicLoop."""
+def evaluation_order(network: Network) -> list[Task | Loop]:
+    """All `outputs` functions and joins, sources first. Raises: DiagramErrors with every loop that cannot be solved."""
     return _sorted(network, _graph(network, starts=False))
 
 
-def initial_order(network: Network) -> list[Task]:
+def initial_order(network: Network) -> list[Task | Loop]:
     """As `evaluation_order`, with every `start` function before whatever reads the states that it sets."""
     return _sorted(network, _graph(network, starts=True))
 
@@ -48,34 +46,28 @@ def needed_outputs(component: Component) -> list[Function]:
     return needed[::-1]
 
 
-def is_sampled(component: Component) -> bool:
-    """Whether a component's outputs change at its sample times only."""
-    declaration = component.declaration
-    return declaration.sampled or (bool(declaration.kind("update")) and not declaration.kind("derivatives"))
-
-
 @dataclass(frozen=True)
 class Turn:
     """A block's turn under Gauss-Seidel: what is evaluated anew, at the later time, before it steps, and after."""
 
     component: str
-    before: tuple[Task, ...]
-    after: tuple[Task, ...]
+    before: tuple[Task | Loop, ...]
+    after: tuple[Task | Loop, ...]
 
 
 def has_turn(component: Component) -> bool:
     """Whether a component advances between two communication points by itself; the others are evaluated when asked."""
-    return bool(component.declaration.continuous() or component.declaration.kind("step")) and not is_sampled(component)
+    return bool(component.declaration.continuous() or component.declaration.kind("step")) and not component.is_sampled
 
 
-def turns(network: Network, tasks: list[Task]) -> list[Turn]:
-    """The turns of one communication step under Gauss-Seidel; tasks: all, in the order of evaluation.
+def turns(network: Network, order: Sequence[Task | Loop]) -> list[Turn]:
+    """The turns of one communication step under Gauss-Seidel; order: of the evaluation of all.
 
     Before a block steps, what it reads through blocks without a turn is evaluated anew where it depends on a block that
     has stepped, or on a source, which reads nothing but the time. Once it has, the same holds for its own outputs.
-    Sampled outputs stay as they are.
+    Sampled outputs stay as they are. An algebraic loop is evaluated anew as a whole.
     """
-    ways = _Ways(network, tasks)
+    ways = _Ways(network, order)
     stepped: set[str] = set()
     done: dict[Task, frozenset[str]] = {}
     result = []
@@ -88,11 +80,17 @@ def turns(network: Network, tasks: list[Task]) -> list[Turn]:
                 yield task
 
     for name in ways.sequence():
-        before = tuple(stale(name))
+        before = _whole(stale(name), order)
         stepped.add(name)
-        own = [task for task in tasks if task.component == name and task.function]
-        result.append(Turn(name, before, (*stale(name), *own)))
+        own = [task for task in ways.tasks if task.component == name and task.function]
+        result.append(Turn(name, before, _whole((*stale(name), *own), order)))
     return result
+
+
+def _whole(tasks: Iterable[Task], order: Sequence[Task | Loop]) -> tuple[Task | Loop, ...]:
+    """The same with every loop, of which there is a task, once, in the place of its first."""
+    loop_of = {task: item for item in order if isinstance(item, Loop) for task in item.tasks}
+    return tuple(dict.fromkeys(loop_of.get(task, task) for task in tasks))
 
 
 _TIME = "time"
@@ -101,19 +99,20 @@ _TIME = "time"
 class _Ways:
     """How what blocks with a turn publish reaches other such blocks, through the tasks of those without."""
 
-    def __init__(self, network: Network, tasks: list[Task]) -> None:
+    def __init__(self, network: Network, order: Sequence[Task | Loop]) -> None:
         self.network = network
-        self.tasks = tasks
+        self.tasks = flat(order)
         self.stepping = [name for name, component in network.components.items() if has_turn(component)]
-        self.writers = {signal: task for task in tasks for signal in self._writes(task)}
+        self.writers = {signal: task for task in self.tasks for signal in self._writes(task)}
         self.origins: dict[Task, set[str]] = {}  # of tasks without a turn: the blocks, and the time
-        for task in tasks:
-            if self._is_free(task):
-                self.origins[task] = self._origins(self._reads(task))
+        for item in order:  # what a task of a loop depends on, all of them do
+            free = [task for task in flat([item]) if self._is_free(task)]
+            found = self._origins([signal for task in free for signal in self._reads(task)])
+            self.origins.update(dict.fromkeys(free, found))
 
     def _is_free(self, task: Task) -> bool:
         component = self.network.components[task.component]
-        return not has_turn(component) and not is_sampled(component)
+        return not has_turn(component) and not component.is_sampled
 
     def _function(self, task: Task) -> Function:
         return next(f for f in self.network.components[task.component].declaration.functions if f.name == task.function)
@@ -130,7 +129,7 @@ class _Ways:
 
     def _sources(self, component: Component, name: str) -> list[Signal]:
         """Where what a function of a component names comes from; a joined input is the component's own."""
-        if name in component.wires and not is_joined(component, name):
+        if name in component.wires and not component.is_joined(name):
             return [component.wires[name][0].whole]
         return [Signal(component.name, name)]
 
@@ -205,16 +204,11 @@ def _graph(network: Network, starts: bool) -> Graph:
             for name in function.reads:
                 before.update(_producers(network, component, name, starts))
         for port, sources in component.wires.items():
-            if is_joined(component, port):
+            if component.is_joined(port):
                 before = graph.setdefault(Task(component.name, "", port), {})
                 for source in sources:
                     before.update(_producers_of(network, source, starts))
     return graph
-
-
-def is_joined(component: Component, port: str) -> bool:
-    """Whether an input gathers several sources along a fleet."""
-    return isinstance(component.entry.inputs[port].value, list)
 
 
 def _producers(network: Network, component: Component, name: str, starts: bool) -> list[tuple[Task, str]]:
@@ -223,7 +217,7 @@ def _producers(network: Network, component: Component, name: str, starts: bool) 
     if isinstance(variable, Input):
         if name not in component.wires:
             return []
-        if is_joined(component, name):
+        if component.is_joined(name):
             return [(Task(component.name, "", name), name)]
         return _producers_of(network, component.wires[name][0], starts)
     return [] if variable is None else _producers_of(network, Signal(component.name, name), starts)
@@ -241,52 +235,45 @@ def _producers_of(network: Network, signal: Signal, starts: bool) -> list[tuple[
     return [(Task(signal.component, writer.name), signal.variable)] if writer else []
 
 
-def _sorted(network: Network, graph: Graph) -> list[Task]:
-    """Sources first; of those that could be next, the one that stands first in the diagram."""
-    sorter = TopologicalSorter(graph)
-    try:
-        sorter.prepare()
-    except CycleError:
-        raise _loops(network, graph) from None
+def _sorted(network: Network, graph: Graph) -> list[Task | Loop]:
+    """Sources first; of those that could be next, the one that stands first in the diagram.
+
+    Raises: DiagramErrors with every loop that cannot be solved.
+    """
+    problems = Problems()
+    parts = [tuple(part) for part in loops.groups(graph)]
+    part_of = {task: part for part in parts for task in part}
+    before = {part: {part_of[other] for task in part for other in graph[task]} - {part} for part in parts}
+    made: dict[tuple[Task, ...], Task | Loop | None] = {
+        part: problems.attempt(loops.torn, network, part, graph) if loops.is_loop(part, graph) else part[0]
+        for part in parts
+    }
+    problems.raise_if_any()
     place = {name: k for k, name in enumerate(network.components)}
-    ready: list[tuple[int, str, str, Task]] = []
-    order = []
+    first = {part: min((place[t.component], t.function, t.port) for t in part) for part in before}
+    sorter = TopologicalSorter(before)
+    sorter.prepare()
+    ready: list[tuple[tuple[int, str, str], tuple[Task, ...]]] = []
+    order: list[Task | Loop] = []
     while sorter.is_active():
-        for task in sorter.get_ready():
-            heapq.heappush(ready, (place[task.component], task.function, task.port, task))
-        order.append(heapq.heappop(ready)[-1])
-        sorter.done(order[-1])
+        for part in sorter.get_ready():
+            heapq.heappush(ready, (first[part], part))
+        part = heapq.heappop(ready)[-1]
+        done = made[part]
+        assert done is not None
+        order.append(done)
+        sorter.done(part)
     return order
 
 
-def _loops(network: Network, graph: Graph) -> DiagramErrors:
-    """Every loop of a graph that has one."""
-    import networkx  # here alone: it takes as long to import as a whole start
-
-    edges = networkx.DiGraph()
-    edges.add_nodes_from(graph)
-    edges.add_edges_from((before, task, {"port": port}) for task in graph for before, port in graph[task].items())
-    parts = networkx.strongly_connected_components(edges)
-    loops = [part for part in parts if len(part) > 1 or edges.has_edge(*(list(part) * 2))]
-    return DiagramErrors([_loop_error(network, edges.subgraph(loop)) for loop in loops])
+def continuous(network: Network, order: Iterable[Task | Loop]) -> Iterator[Task | Loop]:
+    """What of an order is evaluated between two communication points, where sampled blocks hold what they gave."""
+    for item in order:
+        left = tuple(task for task in flat([item]) if not network.components[task.component].is_sampled)
+        if left:
+            yield Loop(left, item.torn) if isinstance(item, Loop) else item
 
 
-def _loop_error(network: Network, loop: networkx.DiGraph) -> AlgebraicLoop:
-    import networkx
-
-    cycle = networkx.find_cycle(loop)
-    ports = [f"{before.component}.{loop.edges[before, after]['port']}" for before, after in cycle]
-    first = network.components[cycle[0][1].component]
-    position = next((n.position for n in first.entry.inputs.values() if str(n.value) in ports), first.entry.position)
-    fix = "let one of these blocks read a state instead of an output with direct feedthrough, or sample it"
-    kind = "algebraic loop"
-    started = [
-        f"blocks.{t.component}.start.{loop.edges[t, after]['port']}" for t, after in cycle if _is_start(network, t)
-    ]
-    if started:  # at time zero only: where a run goes on, these are states
-        kind, fix = "algebraic loop at initialization", f"give a start value: {' or '.join(started)}"
-    return AlgebraicLoop(f"{kind}: {' → '.join([*ports, ports[0]])}", position, fix)
-
-
-def _is_start(network: Network, task: Task) -> bool:
-    return any(f.name == task.function for f in network.components[task.component].declaration.kind("start"))
+def flat(order: Iterable[Task | Loop]) -> list[Task]:
+    """All tasks, those of loops in their places."""
+    return [task for item in order for task in (item.tasks if isinstance(item, Loop) else (item,))]

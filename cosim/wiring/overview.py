@@ -8,8 +8,8 @@ from cosim.errors import CosimError
 from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import Diagram
 from cosim.language.swaps import Swap
-from cosim.wiring import conditions, windows
-from cosim.wiring.network import Component, Finding, Network
+from cosim.wiring import conditions, order, windows
+from cosim.wiring.network import Component, Finding, Loop, Network
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,8 @@ class Overview:
 
     first_order: coupling is of a lower order than some integrator. unchecked: components of which only their code tells
     what they are, with their files; where there are any, order and conditions are not known. order: functions, as they
-    are evaluated. findings: conditions judged; open: those that a run judges. warnings: also of conditions that fail.
+    are evaluated. loops: of algebraic ones what is solved for, and what is evaluated to do so. findings: conditions
+    judged; open: those that a run judges. warnings: also of conditions that fail.
     """
 
     diagram: Diagram
@@ -58,6 +59,7 @@ class Overview:
     parts: tuple[ComponentOverview, ...]
     unchecked: dict[str, str]
     order: tuple[str, ...]
+    loops: dict[str, tuple[str, ...]]
     findings: tuple[Finding, ...]
     open: tuple[Open, ...]
     warnings: tuple[CosimError, ...]
@@ -76,7 +78,12 @@ def describe(network: Network) -> Overview:
         swaps=tuple(network.swaps),
         parts=tuple(_part(network, component) for component in network.components.values()),
         unchecked={name: str(network.diagram.blocks[name].path) for name in network.unchecked},
-        order=tuple(f"{t.component}.{t.function}" for t in network.evaluation if t.function) if whole else (),
+        order=tuple(f"{t.component}.{t.function}" for t in order.flat(network.evaluation) if t.function),
+        loops={
+            ", ".join(map(str, loop.torn)): tuple(f"{t.component}.{t.function or t.port}" for t in loop.tasks)
+            for loop in network.evaluation
+            if isinstance(loop, Loop)
+        },
         findings=tuple(findings),
         open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
         warnings=(*warnings, *broken),

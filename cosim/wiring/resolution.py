@@ -5,11 +5,12 @@ The result is a `Network` of `Component`s. All mistakes of a diagram are found i
 
 from __future__ import annotations
 
-from cosim.errors import Problems
+from cosim.authoring.variables import Output
+from cosim.errors import Problems, WrongValue
 from cosim.language.diagram import Diagram, note_inherited
 from cosim.wiring import components, conditions, dimensions, given_values, matching, named_signals, order, sizes, wires
 from cosim.wiring.draft import Draft
-from cosim.wiring.network import Network
+from cosim.wiring.network import Loop, Network, Signal
 
 
 def wire(diagram: Diagram, problems: Problems | None = None, code: bool = True) -> Network:
@@ -44,6 +45,19 @@ def _order(draft: Draft) -> None:
     """What comes before what. Raises: DiagramErrors with every AlgebraicLoop."""
     network = order.ordered(draft.network())
     draft.initial, draft.evaluation = network.initial, network.evaluation
+    _refuse_guesses(draft)
+
+
+def _refuse_guesses(draft: Draft) -> None:
+    """A start value of an output says where the solution of an algebraic loop is looked for, and nothing else."""
+    solved = {signal for item in (*draft.initial, *draft.evaluation) if isinstance(item, Loop) for signal in item.torn}
+    for component in draft.components.values():
+        for output in component.declaration.of(Output):
+            node = component.entry.start.get(output.name)
+            if node and not component.declaration.foreign and Signal(component.name, output.name) not in solved:
+                message = f"block {component.name}: output `{output.name}` is computed, so its start value is of no use"
+                fix = "remove it; it is a guess where an algebraic loop is solved for that output"
+                draft.problems.add(WrongValue(message, node.key_position, fix))
 
 
 def _size(draft: Draft) -> None:

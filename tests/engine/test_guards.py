@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from cosim.engine import compilation, loop, program, run
+from cosim.engine import compilation, program, run, tables
 from cosim.engine import probes as probing
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
@@ -67,11 +67,11 @@ def test_the_loop_itself_stops_at_a_full_buffer(wired, engine_):
     one = Simulation(built, compilation.compile_program(built) if engine_ == "native" else None, PROBES)
     one.initialize()
     buffer, groups = one.buffers.arrays[0], one.buffers.groups
-    groups[0, loop.CAPACITY] = 5
+    groups[0, tables.CAPACITY] = 5
     buffer[5:] = -7
-    one.control[loop.LAST], one.control[loop.FINAL] = one.steps, 1
-    assert one._host.run("run") == loop.OK
-    assert one.done == 5 and groups[0, loop.FILLED] == 5 and one.control[loop.FINAL] == 1
+    one.control[tables.LAST], one.control[tables.FINAL] = one.steps, 1
+    assert one._host.run("run") == tables.OK
+    assert one.done == 5 and groups[0, tables.FILLED] == 5 and one.control[tables.FINAL] == 1
     assert (buffer[5:] == -7).all()
 
 

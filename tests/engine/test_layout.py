@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.engine import compilation, loop, program
+from cosim.engine import compilation, program, tables
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
 from cosim.wiring.network import Signal
@@ -23,8 +23,8 @@ blocks:
 
 def watched(one: Simulation, first: int, last: int) -> dict[Signal, np.ndarray]:
     """What the probes see of the steps from one to another."""
-    one.control[loop.STEP], one.control[loop.LAST], one.control[loop.FINAL] = first, last, 1
-    assert one._host and one._host.run("run") == loop.OK
+    one.control[tables.STEP], one.control[tables.LAST], one.control[tables.FINAL] = first, last, 1
+    assert one._host and one._host.run("run") == tables.OK
     (samples,) = one.buffers.take()
     return {signal: values.copy() for signal, values in samples.values.items()}
 

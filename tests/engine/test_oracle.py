@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from cosim.engine import run
 from cosim.errors import AlgebraicLoop, DiagramErrors
 from cosim.language.source import dump
+from cosim.wiring.network import Loop
 from tests import oracle
 
 BLOCKS = Path(__file__).parents[1] / "oracle_blocks.py"
@@ -99,6 +100,8 @@ def check(path, trajectories, drawn):
         except DiagramErrors as error:
             assert all(isinstance(e, AlgebraicLoop) for e in error.errors), error
             return False
+        if any(isinstance(item, Loop) for item in network.evaluation):
+            return False  # the oracle knows no algebraic loops, which test_loops.py compares with linear algebra
         expected = simulated(blocks, sources, content, method)
         for engine in ("native", "python"):
             got = trajectories(network, *(".".join(s) for s in sources), engine=engine)

@@ -8,9 +8,9 @@ import pytest
 
 from cosim.report import words
 from cosim.results.metrics import REDUCTIONS
-from cosim.study import dataset, tables
+from cosim.study import dataset, text_tables
 from cosim.study.definition import OVER_RUNS, STATISTICS
-from cosim.study.tables import markdown
+from cosim.study.text_tables import markdown
 from tests.study.conftest import DIAGRAM, STUDY
 
 ALL = (
@@ -29,21 +29,21 @@ def test_tables(results, tmp_path):
         "          low: {metric: low, below: -0.5}\n"
     )
     done = results(text)
-    (table,) = tables.tables(done)
+    (table,) = text_tables.tables(done)
     assert table.head == ["variant", "swing.w", "most, max", "half, 50 % quantile", "low, share"]
     assert [row[:2] for row in table.rows] == [[v, w] for v in ("plain", "slow") for w in "123"]
     tops = [row["metrics"]["top"] for row in done.rows()][:4]
     assert table.values[0][0] == max(tops)
     assert table.values[0][1] == np.median(tops)
     assert [row[-1] for row in table.rows] == ["0.0%", "0.0%", "100.0%"] * 2
-    tables.write(done, [table])
+    text_tables.write(done, [table])
     assert (tmp_path / "results" / "tops.md").read_text().count("|") == 6 * 8
     assert f"{max(tops)!r}" in (tmp_path / "results" / "tops.csv").read_text()
 
 
 def test_a_metric_is_reduced_over_draws_as_it_is_over_time_and_the_heading_says_so(results):
     done = results(STUDY, ALL)
-    (table,) = tables.tables(done)
+    (table,) = text_tables.tables(done)
     assert table.head[2:] == ["top, max", "last, mean", "low, min", "average, mean", "effective, rms"]
     rows = [row["metrics"] for row in done.rows()][:4]
     numbers = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -55,7 +55,7 @@ def test_a_metric_is_reduced_over_draws_as_it_is_over_time_and_the_heading_says_
 def test_a_table_says_which_figures_it_has_no_room_for(results):
     """An array of a run is in no cell; nobody shall take that for a figure that no run had."""
     done = results(STUDY, DIAGRAM.rstrip() + "\n      whole: {signal: lag.x, reduce: final}\n    ")
-    (table,) = tables.tables(done)
+    (table,) = text_tables.tables(done)
     assert table.notes == ["Arrays, which `study.nc` alone holds: whole."]
     assert {line[-1] for line in table.rows} == {"—"} and len(next(done.rows())["metrics"]["whole"]) == 3
 
@@ -66,12 +66,12 @@ def test_every_reduction_has_its_statistic_over_runs():
 
 
 def test_events_are_reduced_to_the_run_with_the_most():
-    column = tables.TableColumn("hits", tables.Node("hits", None))
-    assert tables.with_statistic(column, {"hits": "events"}).statistic == "max"
+    column = text_tables.TableColumn("hits", text_tables.Node("hits", None))
+    assert text_tables.with_statistic(column, {"hits": "events"}).statistic == "max"
 
 
 def test_where_nothing_is_reduced_headings_are_the_metrics_names(results):
-    (table,) = tables.tables(results("{diagram: diagram.yaml, variants: {a: {}, b: {}}}"))
+    (table,) = text_tables.tables(results("{diagram: diagram.yaml, variants: {a: {}, b: {}}}"))
     assert table.head == ["variant", "top", "last", "low"]
 
 
@@ -89,11 +89,11 @@ def test_where_nothing_is_reduced_headings_are_the_metrics_names(results):
 )
 def test_a_heading_names_its_statistic_unless_it_does_so_already(results, column, expected):
     done = results(STUDY.rstrip() + f"\n    tables: {{t: {{rows: variant, columns: {{{column}}}}}}}\n")
-    assert tables.tables(done)[0].head == ["variant", expected]
+    assert text_tables.tables(done)[0].head == ["variant", expected]
 
 
 def test_values_that_look_alike_have_rows_of_their_own(results):
-    (table,) = tables.tables(results("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [2, 2.0000001]}}"))
+    (table,) = text_tables.tables(results("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [2, 2.0000001]}}"))
     assert [row[1] for row in table.rows] == ["2", "2.0000001"]
     assert table.head[2:] == ["top", "last", "low"]
 
@@ -105,9 +105,9 @@ def test_texts_and_lists_are_labels_without_quotation_marks(results, tmp_path):
         '{diagram: diagram.yaml, grid: {blocks.lag.parameters.T: ["i / 2", [1, 2, "pi"]], run.method: [jacobi, joint]}}'
     )
     done = results(text)
-    made = tables.tables(done)
+    made = text_tables.tables(done)
     assert [row[1:3] for row in made[0].rows] == [[t, m] for t in ("i / 2", "[1, 2, pi]") for m in ("jacobi", "joint")]
-    tables.write(done, made)
+    text_tables.write(done, made)
     with (tmp_path / "results" / "study.csv").open(newline="") as file:
         assert [row[1] for row in csv.reader(file)] == ["lag.T", "i / 2", "i / 2", "[1, 2, pi]", "[1, 2, pi]"]
     dataset.write(tmp_path / "study.nc", done)
@@ -124,7 +124,7 @@ def test_true_and_1_are_two_values(study):
 
 def test_runs_that_did_not_come_to_their_end_are_said(results):
     done = results("{diagram: diagram.yaml, grid: {blocks.swing.parameters.w: [1, 1.0e200, 2]}}")
-    (table,) = tables.tables(done)
+    (table,) = text_tables.tables(done)
     assert table.notes == ["1 of 3 runs did not come to their end: figures are of the time until then."]
     assert table.notes[0] in markdown(table)
 
@@ -133,7 +133,7 @@ def test_runs_that_did_not_come_to_their_end_are_said(results):
 def test_a_table_of_any_title_is_written_into_the_folder(results, tmp_path, title):
     done = results(f'{{diagram: diagram.yaml, tables: {{"{title}": {{columns: [top]}}}}}}')
     before = set(tmp_path.rglob("*"))
-    tables.write(done, tables.tables(done))
+    text_tables.write(done, text_tables.tables(done))
     made = set(tmp_path.rglob("*")) - before
     assert len(made) == 2
     assert all(path.parent == tmp_path / "results" for path in made)
@@ -150,7 +150,7 @@ def test_a_table_of_any_title_is_written_into_the_folder(results, tmp_path, titl
     ],
 )
 def test_a_share_counts_what_is_beyond_all_limits(above, below, expected):
-    assert tables.satisfies(np.array([0.0, 1.0, 2.0, np.nan]), above, below).tolist() == expected
+    assert text_tables.satisfies(np.array([0.0, 1.0, 2.0, np.nan]), above, below).tolist() == expected
 
 
 ODD = """
@@ -186,10 +186,10 @@ def test_nan_and_infinity_are_figures_and_no_value_is_none(results, tmp_path):
     xarray = pytest.importorskip("xarray")
     (tmp_path / "odd.py").write_text(ODD)
     done = results(ODD_STUDY, ODD_DIAGRAM)
-    each, every = made = tables.tables(done)
+    each, every = made = text_tables.tables(done)
     assert [row[1:] for row in each.rows] == [["nan"], ["inf"], ["-inf"], ["3"], ["—"]]
     assert every.rows == [["base", "40.0%", "nan"]]
-    tables.write(done, made)
+    text_tables.write(done, made)
     lines = (tmp_path / "results" / "each.csv").read_text().splitlines()
     assert lines[1:] == ["0,nan", "1,inf", "2,-inf", "3,3.0", "4,"]
     assert "y above 2 in 2 of 5 runs" in next(words.explanation(done.study, list(done.rows())))
@@ -219,8 +219,8 @@ INF = float("inf")
     ],
 )
 def test_statistics_of_numbers_that_are_odd(statistic, numbers, expected):
-    column = tables.TableColumn("m", tables.Node("m", None), statistic)
-    found = tables.cell(column, [{"metrics": {"m": number}} for number in numbers])
+    column = text_tables.TableColumn("m", text_tables.Node("m", None), statistic)
+    found = text_tables.cell(column, [{"metrics": {"m": number}} for number in numbers])
     assert found is expected if expected is None else found == pytest.approx(expected, rel=1e-15, abs=0, nan_ok=True)
 
 

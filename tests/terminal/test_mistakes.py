@@ -61,7 +61,6 @@ MISTAKES = {
     "unknown reduction": ("reduce: max", "reduce: maxx", 16, "maxx", "`max`"),
     "unknown method": ("step: 0.1", "step: 0.1, method: jacoby", 2, "jacoby", "`jacobi`"),
     "missing file of blocks": ("type: Lag", "python: nowhere.py:Lag", 7, "nowhere.py", ""),
-    "algebraic loop": ("u: source.y", "u: lag.y", 10, "algebraic loop: lag.y → lag.y", "state"),
     "too many members": ("u: source.y", 'u: "source.y[2..4]"', 10, r"source.y has 3 members", "members 1 to 3"),
     "joined sources that differ beyond their members": (
         "inputs: {u: lag.x}",

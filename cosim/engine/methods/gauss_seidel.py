@@ -15,20 +15,20 @@ from collections.abc import Sequence
 
 from cosim.engine.writer import Writer
 from cosim.wiring import order
-from cosim.wiring.network import Component, Task
+from cosim.wiring.network import Component, Loop, Task
 
 
-def advance(writer: Writer, tasks: Sequence[Task]) -> None:
+def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     """Write ADVANCE. tasks: all outputs and joins, in the order of their evaluation."""
     components = writer.network.components
     banks = {name: _bank(writer, c) for name, c in components.items() if c.declaration.continuous()}
     begin = writer.begin()
-    for turn in order.turns(writer.network, list(tasks)):
-        writer.tasks(turn.before, at_end=True)
+    for turn in order.turns(writer.network, tasks):
+        writer.tasks(order.continuous(writer.network, turn.before), at_end=True)
         writer.call_kind(components[turn.component], "step")
         if turn.component in banks:
             _integrate(writer, components[turn.component], banks[turn.component])
-        writer.tasks(turn.after, at_end=True)
+        writer.tasks(order.continuous(writer.network, turn.after), at_end=True)
     writer.phase("ADVANCE", begin)
 
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cosim.engine.writer import Writer
-from cosim.wiring.network import Component, Task
+from cosim.wiring.network import Component, Loop, Task
 from cosim.wiring.order import has_turn
 
 
-def advance(writer: Writer, _tasks: Sequence[Task]) -> None:
+def advance(writer: Writer, _tasks: Sequence[Task | Loop]) -> None:
     """Write ADVANCE, which follows from what is published alone, whatever the order of evaluation."""
     components = list(writer.network.components.values())
     continuous = [component for component in components if component.declaration.continuous()]

@@ -11,17 +11,17 @@ from collections.abc import Sequence
 
 from cosim.engine.writer import Writer
 from cosim.errors import FmuError
-from cosim.wiring.network import Component, Task
-from cosim.wiring.order import is_sampled
+from cosim.wiring import order
+from cosim.wiring.network import Component, Loop, Task
 
 
-def advance(writer: Writer, tasks: Sequence[Task]) -> None:
+def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     """Write ADVANCE. tasks: all outputs and joins, in the order of their evaluation. Raises: FmuError."""
     components = list(writer.network.components.values())
     _refuse_steps(components)
     first = writer.derivatives(components)
     inner = writer.begin()
-    writer.tasks(task for task in tasks if not is_sampled(writer.network.components[task.component]))
+    writer.tasks(order.continuous(writer.network, tasks))
     writer.derivatives(components)
     run = writer.network.diagram.run
     states = 0, writer.layout.states

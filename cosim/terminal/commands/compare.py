@@ -12,7 +12,7 @@ from cosim.results import comparison
 from cosim.results.comparison import Comparison
 from cosim.results.formatting import format_change, format_value
 from cosim.results.metrics import for_json
-from cosim.study.tables import TextTable
+from cosim.study.text_tables import TextTable
 from cosim.terminal import study_display
 from cosim.terminal.exits import DIFFERENT, DONE
 from cosim.terminal.screen import say

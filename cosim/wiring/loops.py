@@ -1,0 +1,161 @@
+"""Algebraic loops: tasks that depend on each other at one instant, grouped, torn, and put in order.
+
+A loop is solved as a whole: the values of its torn signals are guessed, its tasks are done in order, and the guess is
+right where they give the same values again. Those signals are torn to which the diagram gives a start value, else few
+and small ones, as each of their numbers is an unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+
+from cosim.authoring.variables import State
+from cosim.errors import AlgebraicLoop
+from cosim.wiring.network import Component, Loop, Network, Signal, Task
+
+#: Of every task, what has to be done before it, and by which variable it is read.
+Graph = Mapping[Task, Mapping[Task, str]]
+
+
+def groups(graph: Graph) -> list[list[Task]]:
+    """The strongly connected components of a graph, what comes before others first: Tarjan's algorithm.
+
+    Their tasks, and they among themselves, stand in an order that follows from the graph's alone.
+    """
+    number: dict[Task, int] = {}
+    lowest: dict[Task, int] = {}
+    stack: list[Task] = []
+    inside: set[Task] = set()
+    found = []
+    for root in graph:
+        waiting = [(root, iter(graph[root]))] if root not in number else []
+        while waiting:
+            task, before = waiting[-1]
+            if task not in number:
+                number[task] = lowest[task] = len(number)
+                stack.append(task)
+                inside.add(task)
+            new = next((other for other in before if other not in number), None)
+            if new is not None:
+                waiting.append((new, iter(graph[new])))
+                continue
+            waiting.pop()
+            known = [lowest[other] for other in graph[task] if other in inside]
+            lowest[task] = min([lowest[task], *known])
+            if lowest[task] == number[task]:
+                first = stack.index(task)
+                found.append(stack[first:])
+                inside -= {*stack[first:]}
+                del stack[first:]
+    return found
+
+
+def is_loop(part: Sequence[Task], graph: Graph) -> bool:
+    """Whether a component is more than one task that depends on others."""
+    return len(part) > 1 or part[0] in graph[part[0]]
+
+
+def torn(network: Network, part: Sequence[Task], graph: Graph) -> Loop:
+    """A component as a loop in order. Raises: AlgebraicLoop where what would be guessed is no real number."""
+    place = {name: k for k, name in enumerate(network.components)}
+    tasks = sorted(part, key=lambda task: (place[task.component], task.function, task.port))
+    members = {*part}
+    inside = {task: {other: name for other, name in graph[task].items() if other in members} for task in tasks}
+    read = {signal for task in tasks for signal in _named(network, task)}
+    signals = {task: _read(network, task, read) for task in tasks}
+    costs = {task: _cost(network, task, signals[task], place) for task in tasks}
+    cut: dict[Task, None] = {}
+    left = inside
+    while cyclic := [found for found in groups(left) if is_loop(found, left)]:
+        cut |= dict.fromkeys(min(found, key=lambda task: costs[task]) for found in cyclic)
+        left = {task: {other: name for other, name in inside[task].items() if other not in cut} for task in tasks}
+    unknowns = tuple(signal for task in cut for signal in signals[task])
+    _refuse_whole_numbers(network, unknowns, inside)
+    return Loop(tuple(TopologicalSorter(left).static_order()), unknowns)
+
+
+def _cost(
+    network: Network, task: Task, signals: Iterable[Signal], place: Mapping[str, int]
+) -> tuple[bool, bool, tuple[bool, int], bool, int, str]:
+    """What is worse to guess: what is held, what nobody has guessed, what is large, and what is only joined."""
+    held = network.components[task.component].is_sampled
+    weight = _weight(network, signals)
+    guessed = _is_guessed(network, signals)
+    return held, not guessed, weight, not task.function, place[task.component], task.function
+
+
+def _read(network: Network, task: Task, read: Container[Signal]) -> list[Signal]:
+    """What a task writes and a task of the same loop reads; a join's own port."""
+    if not task.function:
+        return [Signal(task.component, task.port)]
+    function = next(f for f in network.components[task.component].declaration.functions if f.name == task.function)
+    return [signal for name in sorted(function.writes) if (signal := Signal(task.component, name)) in read]
+
+
+def _named(network: Network, task: Task) -> Iterable[Signal]:
+    component = network.components[task.component]
+    if not task.function:
+        return [source.whole for source in component.wires[task.port]]
+    function = next(f for f in component.declaration.functions if f.name == task.function)
+    return [_source(component, name) for name in function.reads]
+
+
+def _source(component: Component, name: str) -> Signal:
+    """What is behind a name of a function: the one source of an input, else the component's own variable."""
+    wires = component.wires.get(name, ())
+    return wires[0].whole if wires and not component.is_joined(name) else Signal(component.name, name)
+
+
+def _is_guessed(network: Network, signals: Iterable[Signal]) -> bool:
+    """Whether the diagram says where to begin."""
+    return any(signal.variable in network.components[signal.component].given for signal in signals)
+
+
+def _weight(network: Network, signals: Iterable[Signal]) -> tuple[bool, int]:
+    """How costly it is to guess signals: those that are no real numbers last, then by their axes."""
+    variables = [network.variable(signal) for signal in signals]
+    return any(v.dtype != np.float64 for v in variables), sum(1 + len(v.shape) for v in variables)
+
+
+def _refuse_whole_numbers(network: Network, unknowns: Iterable[Signal], inside: Graph) -> None:
+    wrong = [signal for signal in unknowns if network.variable(signal).dtype != np.float64]
+    starts = [task for task in inside if _is_start(network, task)]
+    if not wrong and not starts:
+        return
+    cycle = _cycle(inside)
+    ports = [f"{before.component}.{name}" for before, name in cycle]
+    first = network.components[cycle[0][0].component]
+    inputs = [node for component in network.components.values() for node in component.entry.inputs.values()]
+    position = next((node.position for node in inputs if node.value in ports), first.entry.position)
+    text = " → ".join([*ports, ports[0]])
+    if starts:  # at time zero only: where a run goes on, these are states
+        states = [f"blocks.{task.component}.start.{name}" for task in starts for name in _set_by(task, inside)]
+        fix = f"give a start value: {' or '.join(states)}"
+        raise AlgebraicLoop(f"algebraic loop at initialization: {text}", position, fix)
+    kind = network.variable(wrong[0]).dtype
+    message = f"algebraic loop: {text}, in which `{wrong[0]}` is {kind}: only real numbers can be solved for"
+    raise AlgebraicLoop(message, position, "let one of these blocks read a state instead, or sample it")
+
+
+def _set_by(task: Task, inside: Graph) -> list[str]:
+    """The states that a start function sets and that others in a loop read."""
+    return sorted({name for before in inside.values() for other, name in before.items() if other == task})
+
+
+def _cycle(inside: Graph) -> list[tuple[Task, str]]:
+    """One cycle of a loop: each task with its variable that the next one reads."""
+    try:
+        TopologicalSorter(inside).prepare()
+    except CycleError as error:
+        tasks = error.args[1][:-1]  # graphlib names each before what depends on it
+        return [(task, inside[after][task]) for task, after in zip(tasks, [*tasks[1:], tasks[0]], strict=True)]
+    raise AssertionError(inside)
+
+
+def _is_start(network: Network, task: Task) -> bool:
+    component = network.components[task.component]
+    own = (f for f in component.declaration.kind("start") if f.name == task.function)
+    return any(isinstance(component.declaration.variables[name], State) for f in own for name in f.writes)
