@@ -40,7 +40,7 @@ def left(frame: int) -> Fault | None:
 
 def leave(frame: int, texts: np.ndarray, error: BaseException, time: float, instance: int) -> None:
     """Leave in a frame what an interpreted function raised, as a compiled one does; texts: bytes that stay."""
-    text = _text(error).replace("%", "%%").encode()[: len(texts) - 1] + b"\0"
+    text = _text(error).replace("%", "%%").encode(errors="backslashreplace")[: len(texts) - 1] + b"\0"
     texts[: len(text)] = np.frombuffer(text, np.uint8)
     record = FaultRecord.from_address(frame)
     ctypes.c_int64.from_address(frame).value = texts.ctypes.data

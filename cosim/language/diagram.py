@@ -207,7 +207,8 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
         period = entry.settings.get("period")
         if period and not _is_multiple(period, f"blocks.{entry.name}.period", period.value, run.step, reader):
             del entry.settings["period"]
-    title = read_value(DIAGRAM["title"], tree.value["title"], "title", reader) if "title" in tree.value else path.stem
+    titled = tree.value.get("title")
+    title = read_value(DIAGRAM["title"], titled, "title", reader) if titled else source.title_of(path)
     record = _record(tree.value["record"], unfolded, run, reader) if "record" in tree.value else None
     metrics = {name: _metric(name, node, unfolded, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}

@@ -146,6 +146,11 @@ def describe(node: Node) -> str:
     return "nothing" if value is None else f"`{str(value).lower() if isinstance(value, bool) else value}`"
 
 
+def title_of(path: Path) -> str:
+    """What a file is called as long as it says no title: its name as a text, though names of files may be any bytes."""
+    return path.stem.encode(errors="backslashreplace").decode()
+
+
 def dump(value: Any) -> str:
     """YAML text that reads back as the same plain value."""
     return yaml.dump(value, Dumper=_CoreDumper, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)

@@ -68,9 +68,10 @@ def forgiving() -> Iterator[StandardOutput]:
             sink.error = OSError(errno.EBADF, os.strerror(errno.EBADF))
         else:
             stream.flush()
-        encoding, errors = (stream.encoding, stream.errors) if stream else ("utf-8", "replace")
-        buffer = io.BufferedWriter(sink)
-        setattr(sys, name, io.TextIOWrapper(buffer, encoding, errors, line_buffering=name == "stderr" or sink.isatty()))
+        encoding, lines = stream.encoding if stream else "utf-8", name == "stderr" or sink.isatty()
+        # file names may be any bytes and an encoding may lack any character; what is written instead is fit for JSON
+        text = io.TextIOWrapper(io.BufferedWriter(sink), encoding, "backslashreplace", line_buffering=lines)
+        setattr(sys, name, text)
     try:
         yield StandardOutput(sinks.get("stdout"))
     finally:

@@ -111,7 +111,7 @@ def animate(result: Result, motion: Motion, output: Path, seconds: float = 10.0,
             more: Any = {"save_all": True, "append_images": pictures[1:], "duration": pause, "loop": 0}
             pictures[0].save(output, **more)
         else:
-            output.write_text(_page(pictures, pause, output.stem), encoding="utf-8")
+            output.write_text(_page(pictures, pause, output.stem), encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         message = f"cannot write {output}: {error.strerror or error}"
         raise PlotError(message, fix="choose a folder that you may write to") from None

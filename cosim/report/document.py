@@ -51,7 +51,7 @@ def write(path: Path, studies: Sequence[Results], pictures: str = "") -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with files.fresh(path) as new:
-            new.write_text(text, encoding="utf-8")
+            new.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise ResultError(
             f"cannot write {path}: {error.strerror}", fix="choose a folder that you may write to"

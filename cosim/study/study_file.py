@@ -75,7 +75,8 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     if "diagram" not in sections:
         raise MissingKey("the study names no diagram", tree.position, "write diagram: ../formation.yaml")
     variants = _variants(sections, path.parent, reader)
-    title, description = _text(sections, "title", path.stem, reader), _text(sections, "description", "", reader)
+    title = _text(sections, "title", source.title_of(path), reader)
+    description = _text(sections, "description", "", reader)
     study = Study(title, description, path, source.dump(tree.plain()), variants)
     study.grid = grid_section.read(_entries(sections, "grid"), reader)
     study.random = random_section.read(sections["random"], reader) if "random" in sections else None

@@ -6,6 +6,7 @@ import ast
 import hashlib
 import importlib.util
 import linecache
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -50,7 +51,7 @@ def import_file(path: Path) -> ModuleType:
 
 
 def _new_module(file: Path) -> ModuleType:
-    name = f"{FILE_PREFIX}{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
+    name = f"{FILE_PREFIX}{file.stem}_{hashlib.sha256(os.fsencode(file)).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec
     linecache.checkcache(str(file))

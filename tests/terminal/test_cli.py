@@ -206,6 +206,41 @@ def test_a_result_with_an_impossible_name(cosim, write, tmp_path, name):
     assert code == 2 and "cannot write" in err and "Traceback" not in err
 
 
+@pytest.mark.skipif(sys.platform == "darwin", reason="its file systems take UTF-8 names alone")
+@pytest.mark.parametrize("encoding", ["utf-8:strict", "utf-8:surrogateescape", "ascii:strict"])
+def test_names_of_any_bytes_on_a_terminal_of_any_encoding(tmp_path, encoding):
+    folder = tmp_path / os.fsdecode(b"f\xff")
+    folder.mkdir()
+    own = "from cosim import Block, Output\nclass One(Block):\n    y = Output()\n"
+    (folder / "own.py").write_text(own + "    def outputs(time, y):\n        y[0] = time\n")
+    diagram = folder / os.fsdecode(b"d\xfe.yaml")
+    diagram.write_text("run: {stop: 1, step: 0.5}\nblocks: {b: {python: own.py:One}}\nrecord: {signals: [b.y]}\n")
+    given = {**os.environ, "PYTHONIOENCODING": encoding}
+    for words in ("run", "run --json", "check"):
+        first, *options = words.split()
+        command = [sys.executable, "-m", "cosim", first, diagram, *options]
+        ran = subprocess.run(command, cwd=folder, env=given, capture_output=True, timeout=300, check=False)
+        assert ran.returncode == 0, ran.stderr.decode(errors="replace")
+        if options:
+            result = folder / json.loads(ran.stdout.decode("ascii"))["results"]
+            assert result.name == os.fsdecode(b"d\xfe.nc")
+            np.testing.assert_array_equal(result_file.open_result(result).read("b.y").ravel(), [0.0, 0.5, 1.0])
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="its file systems take UTF-8 names alone")
+def test_a_study_and_its_report_whose_name_is_no_text(write, tmp_path):
+    write(SMALL)
+    study = tmp_path / os.fsdecode(b"s\xff.yaml")
+    study.write_text("diagram: diagram.yaml\ngrid: {blocks.lag.parameters.T: [1, 2]}\n")
+    for command in ("study", "report"):
+        ran = subprocess.run(
+            [sys.executable, "-m", "cosim", command, study], cwd=tmp_path, capture_output=True, timeout=300, check=False
+        )
+        assert ran.returncode == 0, ran.stderr.decode(errors="replace")
+    report = tmp_path / "results" / study.stem / "report.html"
+    assert r"s\udcff" in report.read_text(encoding="utf-8")
+
+
 def test_check_shows_blocks_wires_and_order(cosim, write):
     code, out, _ = cosim("check", write(SMALL))
     assert code == 0 and "2 × Lag" in out and "u ← source.y" in out
