@@ -190,9 +190,8 @@ class Layout:
         rank = max(len(self.network.shape(source)) for source in component.wires[port])
         if component.is_joined(port):
             several = isinstance(component.entry.inputs[port].value, list)
-            mapped = (max(1, rank) if several else rank) == len(
-                shape
-            ) + 1  # else all members read all of what is joined
+            # else all members read all of what is joined
+            mapped = (max(1, rank) if several else rank) == len(shape) + 1
             place = self._store(component, variable, component.count if mapped else 1)
             self.allocate(8)  # copies are of whole words, and the last one may end in the middle of one
         else:

@@ -123,7 +123,7 @@ class Writer:
                 continue
             component = self.network.components[task.component]
             if task.function:
-                function = next(f for f in component.declaration.functions if f.name == task.function)
+                function = self.network.function(task)
                 every = component.every if component.is_sampled and function.kind == "outputs" else 1
                 self.call(component, function, at_end=at_end, every=every)
             else:

@@ -7,17 +7,17 @@ and small ones, as each of their numbers is an unknown.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
 from cosim.authoring.variables import State
 from cosim.errors import AlgebraicLoop
-from cosim.wiring.network import Component, Loop, Network, Signal, Task
+from cosim.wiring.network import Loop, Network, Signal, Task
 
 #: Of every task, what has to be done before it, and by which variable it is read.
-Graph = Mapping[Task, Mapping[Task, str]]
+Graph = dict[Task, dict[Task, str]]
 
 
 def groups(graph: Graph) -> list[list[Task]]:
@@ -27,6 +27,7 @@ def groups(graph: Graph) -> list[list[Task]]:
     """
     number: dict[Task, int] = {}
     lowest: dict[Task, int] = {}
+    height: dict[Task, int] = {}
     stack: list[Task] = []
     inside: set[Task] = set()
     found = []
@@ -36,6 +37,7 @@ def groups(graph: Graph) -> list[list[Task]]:
             task, before = waiting[-1]
             if task not in number:
                 number[task] = lowest[task] = len(number)
+                height[task] = len(stack)
                 stack.append(task)
                 inside.add(task)
             new = next((other for other in before if other not in number), None)
@@ -46,7 +48,7 @@ def groups(graph: Graph) -> list[list[Task]]:
             known = [lowest[other] for other in graph[task] if other in inside]
             lowest[task] = min([lowest[task], *known])
             if lowest[task] == number[task]:
-                first = stack.index(task)
+                first = height[task]
                 found.append(stack[first:])
                 inside -= {*stack[first:]}
                 del stack[first:]
@@ -64,8 +66,8 @@ def torn(network: Network, part: Sequence[Task], graph: Graph) -> Loop:
     tasks = sorted(part, key=lambda task: (place[task.component], task.function, task.port))
     members = {*part}
     inside = {task: {other: name for other, name in graph[task].items() if other in members} for task in tasks}
-    read = {signal for task in tasks for signal in _named(network, task)}
-    signals = {task: _read(network, task, read) for task in tasks}
+    read = {signal for task in tasks for signal in network.read(task)}
+    signals = {task: [signal for signal in network.written(task) if signal in read] for task in tasks}
     costs = {task: _cost(network, task, signals[task], place) for task in tasks}
     cut: dict[Task, None] = {}
     left = inside
@@ -85,28 +87,6 @@ def _cost(
     weight = _weight(network, signals)
     guessed = _is_guessed(network, signals)
     return held, not guessed, weight, not task.function, place[task.component], task.function
-
-
-def _read(network: Network, task: Task, read: Container[Signal]) -> list[Signal]:
-    """What a task writes and a task of the same loop reads; a join's own port."""
-    if not task.function:
-        return [Signal(task.component, task.port)]
-    function = next(f for f in network.components[task.component].declaration.functions if f.name == task.function)
-    return [signal for name in sorted(function.writes) if (signal := Signal(task.component, name)) in read]
-
-
-def _named(network: Network, task: Task) -> Iterable[Signal]:
-    component = network.components[task.component]
-    if not task.function:
-        return [source.whole for source in component.wires[task.port]]
-    function = next(f for f in component.declaration.functions if f.name == task.function)
-    return [_source(component, name) for name in function.reads]
-
-
-def _source(component: Component, name: str) -> Signal:
-    """What is behind a name of a function: the one source of an input, else the component's own variable."""
-    wires = component.wires.get(name, ())
-    return wires[0].whole if wires and not component.is_joined(name) else Signal(component.name, name)
 
 
 def _is_guessed(network: Network, signals: Iterable[Signal]) -> bool:
@@ -156,6 +136,6 @@ def _cycle(inside: Graph) -> list[tuple[Task, str]]:
 
 
 def _is_start(network: Network, task: Task) -> bool:
-    component = network.components[task.component]
-    own = (f for f in component.declaration.kind("start") if f.name == task.function)
-    return any(isinstance(component.declaration.variables[name], State) for f in own for name in f.writes)
+    if not task.function or network.function(task).kind != "start":
+        return False
+    return any(isinstance(network.variable(signal), State) for signal in network.written(task))

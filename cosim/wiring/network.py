@@ -10,7 +10,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from cosim.authoring.declaration import Declaration
+from cosim.authoring.declaration import Declaration, Function
 from cosim.authoring.variables import Input, State, Variable
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
 from cosim.integrators import INTEGRATORS
@@ -146,6 +146,11 @@ class Component:
         outputs = [name for name in own if not isinstance(self.declaration.variables[name], State)]
         return isinstance(self.entry.inputs[port].value, list) or bool(outputs)
 
+    def source(self, name: str) -> Signal:
+        """What is behind a name in a function: the one source of an input, else the component's own variable."""
+        wires = self.wires.get(name, ())
+        return wires[0].whole if wires and not self.is_joined(name) else Signal(self.name, name)
+
     def counts_members(self, dimension: int | str) -> TypeGuard[str]:
         """Whether a dimension is the size of a fleet."""
         return isinstance(dimension, str) and dimension in self.axes and self.axes[dimension].fleet is not None
@@ -194,6 +199,22 @@ class Network:
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""
         return self.components[signal.component].declaration.variables[signal.variable]
+
+    def function(self, task: Task) -> Function:
+        """The function of a task that is no join."""
+        return next(f for f in self.components[task.component].declaration.functions if f.name == task.function)
+
+    def read(self, task: Task) -> list[Signal]:
+        """What a task reads; a join, its sources."""
+        component = self.components[task.component]
+        if not task.function:
+            return [source.whole for source in component.wires[task.port]]
+        return [component.source(name) for name in self.function(task).reads]
+
+    def written(self, task: Task) -> list[Signal]:
+        """What a task writes; a join, its port."""
+        names = sorted(self.function(task).writes) if task.function else [task.port]
+        return [Signal(task.component, name) for name in names]
 
     def shape(self, signal: Signal) -> tuple[int, ...]:
         """The shape of a signal over all instances."""

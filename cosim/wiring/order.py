@@ -8,7 +8,7 @@ nothing at the same instant. Outputs that depend on each other are an algebraic 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from graphlib import TopologicalSorter
 
@@ -16,6 +16,7 @@ from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Input, State
 from cosim.errors import Problems
 from cosim.wiring import loops
+from cosim.wiring.loops import Graph
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
 
@@ -80,20 +81,13 @@ def turns(network: Network, order: Sequence[Task | Loop]) -> list[Turn]:
                 yield task
 
     for name in ways.sequence():
-        before = _whole(stale(name), order)
+        before = ways.whole(stale(name))
         stepped.add(name)
-        own = [task for task in ways.tasks if task.component == name and task.function]
-        result.append(Turn(name, before, _whole((*stale(name), *own), order)))
+        result.append(Turn(name, before, ways.whole((*stale(name), *ways.own.get(name, ())))))
     return result
 
 
-def _whole(tasks: Iterable[Task], order: Sequence[Task | Loop]) -> tuple[Task | Loop, ...]:
-    """The same with every loop, of which there is a task, once, in the place of its first."""
-    loop_of = {task: item for item in order if isinstance(item, Loop) for task in item.tasks}
-    return tuple(dict.fromkeys(loop_of.get(task, task) for task in tasks))
-
-
-_TIME = "time"
+_TIME = ""  # among the names of blocks, none of which is empty
 
 
 class _Ways:
@@ -101,49 +95,37 @@ class _Ways:
 
     def __init__(self, network: Network, order: Sequence[Task | Loop]) -> None:
         self.network = network
-        self.tasks = flat(order)
+        self.place = {task: k for k, task in enumerate(flat(order))}
+        self.loops = {task: item for item in order if isinstance(item, Loop) for task in item.tasks}
         self.stepping = [name for name, component in network.components.items() if has_turn(component)]
-        self.writers = {signal: task for task in self.tasks for signal in self._writes(task)}
+        self.writers = {signal: task for task in self.place for signal in network.written(task)}
+        self.own: dict[str, list[Task]] = {}  # of each block, its functions in the order of evaluation
+        self.joins: dict[str, list[Task]] = {}
+        for task in self.place:
+            (self.own if task.function else self.joins).setdefault(task.component, []).append(task)
         self.origins: dict[Task, set[str]] = {}  # of tasks without a turn: the blocks, and the time
         for item in order:  # what a task of a loop depends on, all of them do
             free = [task for task in flat([item]) if self._is_free(task)]
-            found = self._origins([signal for task in free for signal in self._reads(task)])
+            found = self._origins([signal for task in free for signal in network.read(task)])
             self.origins.update(dict.fromkeys(free, found))
+
+    def whole(self, tasks: Iterable[Task]) -> tuple[Task | Loop, ...]:
+        """The same with every loop, of which there is a task, once, in the place of its first."""
+        return tuple(dict.fromkeys(self.loops.get(task, task) for task in tasks))
 
     def _is_free(self, task: Task) -> bool:
         component = self.network.components[task.component]
         return not has_turn(component) and not component.is_sampled
-
-    def _function(self, task: Task) -> Function:
-        return next(f for f in self.network.components[task.component].declaration.functions if f.name == task.function)
-
-    def _writes(self, task: Task) -> list[Signal]:
-        names = sorted(self._function(task).writes) if task.function else [task.port]
-        return [Signal(task.component, name) for name in names]
-
-    def _reads(self, task: Task) -> list[Signal]:
-        component = self.network.components[task.component]
-        if not task.function:
-            return [source.whole for source in component.wires[task.port]]
-        return [s for name in self._function(task).reads for s in self._sources(component, name)]
-
-    def _sources(self, component: Component, name: str) -> list[Signal]:
-        """Where what a function of a component names comes from; a joined input is the component's own."""
-        if name in component.wires and not component.is_joined(name):
-            return [component.wires[name][0].whole]
-        return [Signal(component.name, name)]
 
     def _origins(self, signals: list[Signal]) -> set[str]:
         """What signals depend on. Of the time by itself only where on no block: else it moves on with the blocks."""
         found: set[str] = set()
         timed = False
         for signal in signals:
-            if (
-                signal.variable == _TIME
-                and _TIME not in self.network.components[signal.component].declaration.variables
-            ):
+            component = self.network.components[signal.component]
+            if signal.variable == "time" and "time" not in component.declaration.variables:
                 timed = True
-            elif signal.component in self.stepping:
+            elif has_turn(component):
                 found.add(signal.component)
             elif signal in self.writers:
                 found |= self.origins.get(self.writers[signal], set())
@@ -153,13 +135,13 @@ class _Ways:
         """The tasks without a turn that a block reads the results of, and its own joins, in the order of evaluation."""
         component = self.network.components[name]
         waiting = [s.whole for sources in component.wires.values() for s in sources]
-        found = {task for task in self.tasks if task.component == name and not task.function}
+        found = {*self.joins.get(name, ())}
         while waiting:
             task = self.writers.get(waiting.pop())
             if task in self.origins and task not in found:
                 found.add(task)
-                waiting += self._reads(task)
-        return [task for task in self.tasks if task in found]
+                waiting += self.network.read(task)
+        return sorted(found, key=self.place.__getitem__)
 
     def sequence(self) -> list[str]:
         """The order of the turns: a block after those that it reads. A ring is entered at a block without feedthrough.
@@ -167,32 +149,43 @@ class _Ways:
         Where none is ready, a block with feedthrough goes first if something that it reads has stepped, so that it
         hands that on.
         """
-        reads = {name: self._read_by(name) for name in self.stepping}
-        left, result = list(self.stepping), list[str]()
-        while left:
-            ready = [n for n in left if not reads[n] & set(left) - {n}]
-            passing = [n for n in left if self._feeds_through(n)]
-            handing = [n for n in passing if reads[n] & set(result)]
-            entered = [n for n in left if n not in passing]
-            chosen = (ready or handing or entered or left)[0]
-            left.remove(chosen)
-            result.append(chosen)
-        return result
+        unread = {name: self._read_by(name) - {name} for name in self.stepping}
+        readers: dict[str, list[str]] = {name: [] for name in self.stepping}
+        for name, sources in unread.items():
+            for source in sources:
+                readers[source].append(name)
+        place = {name: k for k, name in enumerate(self.stepping)}
+        passing = {name for name in self.stepping if self._feeds_through(name)}
+        ready, handing = ([k for name, k in place.items() if not unread[name]], list[int]())
+        entered = [k for name, k in place.items() if name not in passing]
+        queues, result = (ready, handing, entered, [*place.values()]), dict[str, None]()
+        while len(result) < len(place):
+            chosen = next(name for queue in queues for name in self._first(queue, result))
+            result[chosen] = None
+            for name in readers[chosen]:
+                unread[name].discard(chosen)
+                if not unread[name]:
+                    heapq.heappush(ready, place[name])
+                elif name in passing:
+                    heapq.heappush(handing, place[name])
+        return [*result]
+
+    def _first(self, queue: list[int], done: Container[str]) -> Iterator[str]:
+        """The first of a heap of blocks with a turn that is not done, if any."""
+        while queue and self.stepping[queue[0]] in done:
+            heapq.heappop(queue)
+        yield from (self.stepping[k] for k in queue[:1])
 
     def _read_by(self, name: str) -> set[str]:
         component = self.network.components[name]
         direct = self._origins([s.whole for sources in component.wires.values() for s in sources])
-        return direct | {origin for task in self.before(name) for origin in self.origins.get(task, set())} - {_TIME}
+        return direct.union(*(self.origins.get(task, ()) for task in self.before(name))) - {_TIME}
 
     def _feeds_through(self, name: str) -> bool:
         declaration = self.network.components[name].declaration
         return any(
             isinstance(declaration.variables.get(r), Input) for f in declaration.kind("outputs") for r in f.reads
         )
-
-
-Graph = dict[Task, dict[Task, str]]
-"""Of every task, what has to be done before it, and by which port it is read."""
 
 
 def _graph(network: Network, starts: bool) -> Graph:
@@ -241,28 +234,27 @@ def _sorted(network: Network, graph: Graph) -> list[Task | Loop]:
     Raises: DiagramErrors with every loop that cannot be solved.
     """
     problems = Problems()
-    parts = [tuple(part) for part in loops.groups(graph)]
-    part_of = {task: part for part in parts for task in part}
-    before = {part: {part_of[other] for task in part for other in graph[task]} - {part} for part in parts}
-    made: dict[tuple[Task, ...], Task | Loop | None] = {
-        part: problems.attempt(loops.torn, network, part, graph) if loops.is_loop(part, graph) else part[0]
-        for part in parts
-    }
+    parts = loops.groups(graph)
+    part_of = {task: k for k, part in enumerate(parts) for task in part}
+    before = {k: {part_of[other] for task in part for other in graph[task]} - {k} for k, part in enumerate(parts)}
+    made = [
+        problems.attempt(loops.torn, network, part, graph) if loops.is_loop(part, graph) else part[0] for part in parts
+    ]
     problems.raise_if_any()
     place = {name: k for k, name in enumerate(network.components)}
-    first = {part: min((place[t.component], t.function, t.port) for t in part) for part in before}
+    first = [min((place[t.component], t.function, t.port) for t in part) for part in parts]
     sorter = TopologicalSorter(before)
     sorter.prepare()
-    ready: list[tuple[tuple[int, str, str], tuple[Task, ...]]] = []
+    ready: list[tuple[tuple[int, str, str], int]] = []
     order: list[Task | Loop] = []
     while sorter.is_active():
-        for part in sorter.get_ready():
-            heapq.heappush(ready, (first[part], part))
-        part = heapq.heappop(ready)[-1]
-        done = made[part]
+        for k in sorter.get_ready():
+            heapq.heappush(ready, (first[k], k))
+        k = heapq.heappop(ready)[-1]
+        done = made[k]
         assert done is not None
         order.append(done)
-        sorter.done(part)
+        sorter.done(k)
     return order
 
 

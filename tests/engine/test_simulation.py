@@ -110,6 +110,26 @@ def test_gauss_seidel_is_the_symplectic_euler_method_for_an_oscillator(wired, tr
     assert energy < 2.0 / (1.0 - 0.1)  # bounded for ever by 1 / (1 - h); explicit Euler's grows as (1 + 4 h²)^k
 
 
+def test_gauss_seidel_knows_a_block_named_time_from_the_time(wired, trajectories):
+    """A, `time`, the gain anew, B: whatever the second one is called."""
+    text = """
+    run: {{stop: 1, step: 0.1, method: gauss-seidel}}
+    blocks:
+      a: {{type: Integrator, inputs: {{u: p.y}}, start: {{x: 1}}, dimensions: {{n: 1}}}}
+      {name}: {{type: Integrator, inputs: {{u: a.x}}, start: {{x: 1}}}}
+      p: {{type: Gain, parameters: {{k: 2}}, inputs: {{u: {name}.x}}}}
+      b: {{type: Integrator, inputs: {{u: p.y}}, start: {{x: 1}}}}
+    """
+    for name in ("time", "other"):
+        got = trajectories(wired(text.format(name=name)), "b.x")["b.x"][:, 0]
+        a = second = b = 1.0
+        for k in range(11):
+            assert got[k] == pytest.approx(b, rel=1e-14), (name, k)
+            a += 0.1 * 2.0 * second
+            second += 0.1 * a
+            b += 0.1 * 2.0 * second
+
+
 def test_a_sampled_block_changes_at_its_samples_and_holds_between(wired, trajectories):
     text = """
     run: {stop: 1, step: 0.01}
