@@ -80,6 +80,7 @@ def fence(one: Simulation) -> None:
     spans = [(offset, 8 * layout.states * layout.slopes) for offset in (layout.vectors["SLOPES"],)]
     spans += [(layout.vectors[name], 8 * layout.states) for name in VECTORS]
     spans += [(row[tables.TABLEAU], 8 * row[tables.STAGES] * (HEAD + row[tables.STAGES])) for row in program.banks]
+    spans.append((program.clocks, 8 * tables.CLOCK_WORDS * len(program.network.schedule.clocks)))
     for call in program.calls:
         component = program.network.components[call.component]
         spans.append((call.frame, 8 * (6 + len(component.axes) + 2 * len(call.arguments))))

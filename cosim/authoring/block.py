@@ -29,8 +29,13 @@ function           writes
 =================  ==========================================================================================
 
 A scalar that is read comes as a number, one that is written as an array of one element. ``time`` (s) may be named by
-any function. Raising an exception (with constant arguments) in a function stops the run and names the block, and so
-does an index out of bounds (a negative one counts from the end). What is read cannot be written.
+any function, and so may ``period`` (s), the diagram's, where the block is sampled. Raising an exception (with constant
+arguments) in a function stops the run and names the block, and so does an index out of bounds (a negative one counts
+from the end). What is read cannot be written.
+
+A block is sampled where it has an ``update``, or the diagram gives it a ``period``. What ``outputs`` computes at a
+sample time is there at that time, as a controller's without delay; a state that ``update`` writes is there a period
+later, as that of a controller which computes for as long. Between two samples all that is held.
 
 Numbers are float64, int64 and bool, whatever the width in which a variable is stored, and behave alike to the bit
 compiled and interpreted: real numbers as IEEE 754 has them (1/0 is infinite, ``math.sqrt(-1)`` is NaN), integers wrap;

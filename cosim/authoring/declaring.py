@@ -9,7 +9,17 @@ from typing import Any
 from cosim.authoring import naming
 from cosim.authoring.declaration import Declaration, Function
 from cosim.authoring.rules import Rule
-from cosim.authoring.variables import CalculatedParameter, Dimension, Input, Local, Output, Parameter, State, Variable
+from cosim.authoring.variables import (
+    CalculatedParameter,
+    Dimension,
+    Input,
+    Local,
+    Output,
+    Parameter,
+    Period,
+    State,
+    Variable,
+)
 from cosim.errors import DeclarationError, Problems, nearest
 
 
@@ -72,6 +82,9 @@ def _function(
         problems.add(DeclarationError(f"block {declaration.name}: {name}() {wrong}", where, fix))
     arguments = python.__code__.co_varnames[: python.__code__.co_argcount]
     writes = set()
+    if "period" in arguments and "period" not in declaration.variables:
+        declaration.variables["period"] = period = Period(unit="s", description="time between two samples")
+        period.name = "period"
     for argument in arguments:
         said = None
         prefix, _, state = argument.partition("_")
@@ -83,7 +96,7 @@ def _function(
             target: Any = {"calculate": CalculatedParameter, "start": State, "outputs": (Output, Local)}.get(kind)
             if target and isinstance(variable, target) and argument not in written:
                 writes.add(argument)
-            elif kind == "calculate" and not isinstance(variable, (Parameter, CalculatedParameter)):
+            elif kind == "calculate" and not isinstance(variable, (Parameter, CalculatedParameter, Period)):
                 what = f"names `{argument}`, which has no value yet: it is called once, before anything else"
                 said = what, "compute from parameters only, or use start() or outputs()"
         elif argument == "self":
@@ -101,7 +114,7 @@ def _meant(declaration: Declaration, kind: str, argument: str) -> str:
     """The nearest name that a function of a kind may write or read."""
     prefix = {"derivatives": "d_", "update": "next_"}.get(kind)
     results = [f"{prefix}{s.name}" for s in declaration.of(State)] if prefix else []
-    return nearest(argument, [*declaration.variables, *results, "time"])
+    return nearest(argument, [*declaration.variables, *results, "time", "period"])
 
 
 def _check_complete(declaration: Declaration, problems: Problems) -> None:

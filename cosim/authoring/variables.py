@@ -119,6 +119,12 @@ class CalculatedParameter(Variable):
     causality = "calculatedParameter"
 
 
+class Period(Variable):
+    """The diagram's `period` (s), where a function names it and the block declares no variable of that name."""
+
+    causality = "calculatedParameter"
+
+
 @dataclass
 class Dimension:
     """A named dimension with a default size; names used in shapes without this are solved from the wiring."""

@@ -89,6 +89,10 @@ class Binding:
             self._keep.append(array)
         control[tables.N_GROUPS] = len(buffers.groups)
         control[tables.LOOPS] = len(program.loops)
+        schedule = program.network.schedule
+        control[tables.GRID] = schedule.grid
+        control[tables.CLOCKS], control[tables.N_CLOCKS] = program.clocks, len(schedule.clocks)
+        control.view(np.float64)[tables.TICK_SIZE] = float(schedule.tick)
         control[tables.STATES] = program.layout.states
         control[tables.PUBLISHED], control[tables.N_PUBLISHED] = program.layout.published["float64"]
         control[tables.PUBLISHED32], control[tables.N_PUBLISHED32] = program.layout.published["float32"]

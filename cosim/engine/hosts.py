@@ -168,7 +168,7 @@ class Watch:
         component = self._program.network.components[self._call().component] if self._program.calls else None
         if self._asked is None and component and not (component.declaration.compiled or component.declaration.foreign):
             return None
-        return int(self._control[tables.STEP]), int(self._control[tables.AT]), *calls
+        return int(self._control[tables.TICK]), int(self._control[tables.AT]), *calls
 
     def stop(self) -> None:
         """Ask the loop to return before its next step."""
@@ -186,7 +186,7 @@ class Watch:
             self._asked = None
 
     def _error(self, end: Ended) -> CosimError:
-        time = int(self._control[tables.STEP]) * self._program.network.diagram.run.step
+        time = self._program.time(int(self._control[tables.TICK]))
         part = next((p for p in _all(self._parts) if p.process == end.name), self._asked)
         call = self._call()
         if part is None and call.component in self._parts:
@@ -207,7 +207,7 @@ class Watch:
 
     def silent(self, how: str) -> CosimError:
         """The error for a native function that does not return."""
-        time = int(self._control[tables.STEP]) * self._program.network.diagram.run.step
+        time = self._program.time(int(self._control[tables.TICK]))
         call = self._call()
         place = self._program.network.components[call.component].entry.position
         message = f"block {call.component}: {how} in {call.function.name}() at t = {time:g} s"

@@ -52,9 +52,10 @@ class Layout:
     """A place for every variable of a network.
 
     places: by signal; next: of discrete states after the next update; scratch: of outputs that derivatives read, inside
-    an integration. given: offsets and instances of the values that a diagram sets. vectors: offsets of VECTORS and of
-    SLOPES, which is `slopes` vectors of derivatives. states: the size of each. published: offset and count, by type, of
-    numbers that have to be finite, besides the states. changing: bytes of the state segment; then come the constants.
+    an integration; integrated: of continuous states that are held where others see them. given: offsets and instances
+    of the values that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
+    derivatives. states: the size of each. published: offset and count, by type, of numbers that have to be finite,
+    besides the states. changing: bytes of the state segment; then come the constants.
     """
 
     def __init__(self, network: Network) -> None:
@@ -63,6 +64,7 @@ class Layout:
         self.places: dict[Signal, Place] = {}
         self.next: dict[Signal, Place] = {}
         self.scratch: dict[Signal, Place] = {}
+        self.integrated: dict[Signal, Place] = {}
         self.given: dict[Signal, list[tuple[int, int]]] = {}
         self.vectors: dict[str, int] = {}
         self.published: dict[str, tuple[int, int]] = {}
@@ -108,18 +110,25 @@ class Layout:
         shape, whole = self.network.shape(signal.whole), self.places[signal.whole]
         return whole.offset + signal.first * int(np.prod(shape[1:])) * whole.dtype.itemsize
 
-    def argument(self, component: Component, name: str, stage: bool) -> Place | None:
-        """Where a function finds what it names, None for `time`; stage: inside an integration, not as published."""
+    def argument(self, component: Component, name: str, stage: bool, hidden: bool) -> Place | None:
+        """Where a function finds what it names, None for `time`.
+
+        stage: inside an integration, where outputs are not the published ones; hidden: nor are the states.
+        """
         if name == "time":
             return None
         signal = Signal(component.name, variable_of(component.declaration, name).name)
-        place = self.places[signal]
+        place = self.own(signal)
         continuous = self.vectors["X"] <= place.offset < self.vectors["X"] + 8 * self.states
         if name not in component.declaration.variables:  # d_x or next_x
             return self.derivative(place) if continuous else self.next[signal]
-        if stage and continuous and isinstance(component.declaration.variables[name], State):
+        if hidden and continuous and isinstance(component.declaration.variables[name], State):
             return place.moved(self.vectors["W"] - self.vectors["X"])
         return self.scratch.get(signal, place) if stage else place
+
+    def own(self, signal: Signal) -> Place:
+        """Where a variable is for the functions of its own component."""
+        return self.integrated.get(signal) or self.places[signal]
 
     def derivative(self, state: Place) -> Place:
         """Where the derivative of a continuous state lies."""
@@ -154,6 +163,11 @@ class Layout:
             self._place(component, state, place)
             self._mark(component, state, self.derivative(place).offset)
             at += size * component.count
+        for component, state in continuous:
+            if component.is_sampled:
+                signal = Signal(component.name, state.name)
+                self.integrated[signal] = self.places[signal]
+                self._place(component, state, self._store(component, state, component.count))
 
     def _lay_out_published(self) -> None:
         """The variables, those side by side that have to be finite."""
@@ -215,7 +229,7 @@ class Layout:
         given = component.values.get(variable.name)
         if given is not None:
             instances = component.count if place.stride else 1
-            self.given[signal] = [(place.offset, instances)]
+            self.given.setdefault(signal, []).append((place.offset, instances))
             full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
             self._first.append((place.offset, np.array(full, variable.dtype)))
         elif isinstance(variable, (Output, CalculatedParameter, Local)):

@@ -5,7 +5,7 @@ What a step means says `cosim.engine.program`.
 One source, two engines: compiled by `cosim.compiling.compiler` it calls kernels by address; as plain Python it calls
 the authors' functions (see `cosim.machine.memory`). Nothing here allocates, takes a lock, or returns before the steps
 asked for are done, a buffer of probes is full, somebody wants it to stop, a call's status is worse than a warning, or a
-published value is not finite. Time is an integer count of steps.
+published value is not finite. Time is an integer count of ticks, of which every period is a multiple.
 
 All tables are rows of 64-bit words. `base` is the arena's address, offsets in the tables are bytes from it.
 """
@@ -24,7 +24,10 @@ from cosim.engine.tables import (
     BEGUN,
     BUFFER,
     CAPACITY,
+    CLOCK_WORDS,
+    CLOCKS,
     CONTROL_WORDS,
+    DUE,
     ELEMENT,
     END,
     END_ROW,
@@ -36,6 +39,7 @@ from cosim.engine.tables import (
     FIRST_BEGIN,
     FIRST_END,
     FIRST_ROW,
+    GRID,
     GROUP_EVERY,
     GROUP_WORDS,
     GROUPS,
@@ -47,13 +51,16 @@ from cosim.engine.tables import (
     KIND,
     LAST,
     LOOPS,
+    N_CLOCKS,
     N_GROUPS,
     N_PUBLISHED,
     N_PUBLISHED32,
     NON_FINITE,
+    OFFSET,
     OK,
     ORIGIN,
-    ORIGIN_STEP,
+    ORIGIN_TICK,
+    PERIOD,
     PHASE,
     PHASE_WORDS,
     PROBE_WORDS,
@@ -72,11 +79,13 @@ from cosim.engine.tables import (
     SOLVE,
     STAGES,
     STATES,
-    STEP,
     STEP_SIZE,
+    STEPS,
     STOP,
     SUM,
     TABLEAU,
+    TICK,
+    TICK_SIZE,
     UPDATE,
     WARNING,
     A,
@@ -99,14 +108,14 @@ _EXPONENT32 = 0x7F800000
 
 
 def run(_: float, base: int, control: int) -> int:
-    """Do the steps STEP … LAST-1 of the control block. Returns the status.
+    """Go from the communication point TICK to the last one before LAST, in ticks. Returns the status.
 
-    It returns early, with OK and STEP < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
+    It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
     c = words_at(control, CONTROL_WORDS)
     last = min(c[LAST], full_at(c))
-    while c[STEP] < last:
-        k = c[STEP]
+    while c[TICK] < last:
+        k = c[TICK]
         if load(control + STOP * 8) != 0:
             return OK
         time = time_at(c, control, k)
@@ -116,26 +125,52 @@ def run(_: float, base: int, control: int) -> int:
         if c[ENDING] != 0:
             c[ENDING] = ENDED
             return OK
-        status = advance(c, base, k, time, time_at(c, control, k + 1), reals_at(control, CONTROL_WORDS)[STEP_SIZE])
+        following = next_point(c, base, k)
+        numbers = reals_at(control, CONTROL_WORDS)
+        numbers[STEP_SIZE] = (following - k) * numbers[TICK_SIZE]
+        status = advance(c, base, time, time_at(c, control, following), numbers[STEP_SIZE])
         if status > WARNING:
             return status
-        c[STEP] = k + 1
+        c[TICK] = following
+        c[STEPS] += 1
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
-    if c[FINAL] != 0 and c[STEP] == c[LAST] < full_at(c):
-        status = reach(c, base, c[STEP], time_at(c, control, c[STEP]))
+    if c[FINAL] != 0 and c[TICK] == c[LAST] < full_at(c):
+        status = reach(c, base, c[TICK], time_at(c, control, c[TICK]))
         if status > WARNING:
             return status
         c[FINAL] = 0
     return OK
 
 
+def next_point(c: Any, base: int, k: int) -> int:
+    """The tick of the communication point after tick k: of the grid, or where a clock is due."""
+    grid = c[GRID]
+    following: int = k + grid - k % grid
+    if grid != 1:
+        for j in range(c[N_CLOCKS]):
+            clock = words_at(base + c[CLOCKS] + j * CLOCK_WORDS * 8, CLOCK_WORDS)
+            since = k - clock[OFFSET]
+            due = clock[OFFSET] if since < 0 else k + clock[PERIOD] - since % clock[PERIOD]
+            following = min(following, due)
+    return following
+
+
+def strike(c: Any, base: int, k: int) -> None:
+    """Note which clocks are due at tick k."""
+    for j in range(c[N_CLOCKS]):
+        clock = words_at(base + c[CLOCKS] + j * CLOCK_WORDS * 8, CLOCK_WORDS)
+        since = k - clock[OFFSET]
+        clock[DUE] = 1 if since >= 0 and since % clock[PERIOD] == 0 else 0
+
+
 def reach(c: Any, base: int, k: int, time: float) -> int:
     """Be at the communication point k: evaluate what is published there, and probe it. Returns the status."""
-    status = perform(c, base, PUBLISH, SETTLE, k, time)
+    strike(c, base, k)
+    status = perform(c, base, PUBLISH, SETTLE, time)
     if status <= WARNING and c[AGAIN] != 0:
         c[AGAIN] = 0
-        status = perform(c, base, EVALUATE, SETTLE, k, time)
+        status = perform(c, base, EVALUATE, SETTLE, time)
     if status > WARNING:
         return status
     if not is_sound(c, base):
@@ -145,51 +180,52 @@ def reach(c: Any, base: int, k: int, time: float) -> int:
 
 
 def time_at(c: Any, control: int, k: int) -> float:
-    """The time (s) of step k, from an integer count of steps."""
+    """The time (s) of tick k, from an integer count."""
     numbers = reals_at(control, CONTROL_WORDS)
-    time: float = numbers[ORIGIN] + (k - c[ORIGIN_STEP]) * numbers[STEP_SIZE]
+    time: float = numbers[ORIGIN] + (k - c[ORIGIN_TICK]) * numbers[TICK_SIZE]
     return time
 
 
 def execute(time: float, base: int, control: int) -> int:
-    """Do the rows FIRST_ROW … END_ROW-1 once, as of STEP and a time (s). Returns the status."""
+    """Do the rows FIRST_ROW … END_ROW-1 once, as of TICK and a time (s). Returns the status."""
     c = words_at(control, CONTROL_WORDS)
-    status = operate(c, base, c[FIRST_ROW], c[END_ROW], c[STEP], time, time)
+    strike(c, base, c[TICK])
+    status = operate(c, base, c[FIRST_ROW], c[END_ROW], time, time)
     if status > WARNING or is_sound(c, base):
         return status
     return NON_FINITE
 
 
-def perform(c: Any, base: int, first: int, last: int, k: int, time: float) -> int:
-    """Do phases that follow each other, as of step k and a time (s). Returns the status."""
+def perform(c: Any, base: int, first: int, last: int, time: float) -> int:
+    """Do phases that follow each other, as of a time (s). Returns the status."""
     begin = words_at(c[PHASE] + first * PHASE_WORDS * 8, PHASE_WORDS)[0]
     end = words_at(c[PHASE] + last * PHASE_WORDS * 8, PHASE_WORDS)[1]
-    return operate(c, base, begin, end, k, time, time)
+    return operate(c, base, begin, end, time, time)
 
 
-def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
-    """Do calls, copies and loops in order, as of step k and a time (s); later: of rows that are done at its end."""
+def operate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:
+    """Do calls, copies and loops in order, as of a time (s); later: of rows that are done at its end."""
     if c[LOOPS] == 0:
-        return evaluate(c, base, begin, end, k, time, later)
+        return evaluate(c, base, begin, end, time, later)
     o = begin
     while o < end:
         row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
         if row[KIND] == SOLVE:
-            status = solve(c, base, o, k, time, later)
+            status = solve(c, base, o, time, later)
             o += row[B] + 1
         else:
             first = o
             while o < end and words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[KIND] != SOLVE:
                 o += 1
-            status = evaluate(c, base, first, o, k, time, later)
+            status = evaluate(c, base, first, o, time, later)
         if status > WARNING:
             return status
     return OK
 
 
-def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -> int:
-    """Go from the communication point k to k+1: UPDATE, and ADVANCE with its integrations. Returns the status."""
-    status = perform(c, base, UPDATE, UPDATE, k, time)
+def advance(c: Any, base: int, time: float, later: float, step: float) -> int:
+    """Go from a communication point to the next: UPDATE, and ADVANCE with its integrations. Returns the status."""
+    status = perform(c, base, UPDATE, UPDATE, time)
     if status > WARNING:
         return status
     phase = words_at(c[PHASE] + ADVANCE * PHASE_WORDS * 8, PHASE_WORDS)
@@ -198,16 +234,16 @@ def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -
         row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
         following = row[B] if row[KIND] == SOLVE else 0
         if row[KIND] == INTEGRATE:
-            status = integrate(c, base, row[A], k, time, step)
+            status = integrate(c, base, row[A], time, step)
         else:
-            status = operate(c, base, o, o + 1 + following, k, time, later)
+            status = operate(c, base, o, o + 1 + following, time, later)
         if status > WARNING:
             return status
         o += 1 + following
     return OK
 
 
-def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -> int:
+def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
     """Integrate one bank over one communication step with its own integrator and number of inner steps."""
     b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
     inner_steps = b[INNER_STEPS]
@@ -218,13 +254,13 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
     for s in range(inner_steps):
         time = begun + s * h
         if s == 0:
-            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, time)
+            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], time, time)
         else:
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, time)
+            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], time, time)
         if status > WARNING:
             return status
         if b[STAGES] > 1:
-            status = finish(c, base, b, x if s == 0 else w, w, d, k, time, h)
+            status = finish(c, base, b, x if s == 0 else w, w, d, time, h)
             if status > WARNING:
                 return status
         elif s > 0 or b[IN_PLACE] != 0:
@@ -236,7 +272,7 @@ def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -
     return OK
 
 
-def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
+def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, time: float, h: float) -> int:
     """End the inner step of several stages, of which the first one's derivatives are in `d` already."""
     stages, stride = b[STAGES], c[STATES] * 8
     begun, total = part(c, base, b, BEGUN), part(c, base, b, SUM)
@@ -251,7 +287,7 @@ def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time:
         move(w, begun, h, row, slopes, stride, total)
         if stage < stages - 1:
             now = time + row[NODE] * h
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, now, now)
+            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], now, now)
             if status > WARNING:
                 return status
     return OK
@@ -263,8 +299,8 @@ def part(c: Any, base: int, b: Any, vector: int) -> Any:
 
 
 def full_at(c: Any) -> int:
-    """The first step, from the next one on, at which a group of probes that is due has no room for another row."""
-    k = c[STEP]
+    """The first tick, from the next one on, at which a group of probes that is due has no room for another row."""
+    k = c[TICK]
     full: int = c[LAST] + 1
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
@@ -276,7 +312,7 @@ def full_at(c: Any) -> int:
 
 
 def probe(c: Any, base: int, k: int, time: float) -> None:
-    """Copy the probed signals of every group that is due at step k to its buffer; `full_at` says that it has room."""
+    """Copy the probed signals of every group that is due at tick k to its buffer; `full_at` says that it has room."""
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every = group[GROUP_EVERY]

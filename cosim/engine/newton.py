@@ -51,21 +51,21 @@ Z, F, R, STEP, KEPT, TRIAL, SIZE, ROUNDING = range(8)
 VECTORS = 8
 
 
-def solve(c: Any, base: int, o: int, k: int, time: float, later: float) -> int:
-    """Solve the loop of row o, as of step k and a time (s). Returns the status."""
+def solve(c: Any, base: int, o: int, time: float, later: float) -> int:
+    """Solve the loop of row o, as of a time (s). Returns the status."""
     u = unknowns(c, base, o)
     z, r, step = vector(base, u, Z), vector(base, u, R), vector(base, u, STEP)
     exchange(c, base, o, z, False)
     for j in range(z.size):
         if not abs(z[j]) < HUGE:
             z[j] = 0.0
-    status = residual(c, base, o, k, time, later, F, R)
+    status = residual(c, base, o, time, later, F, R)
     checked = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[C] == 0
     for iteration in range(MOST_ITERATIONS):
         measure(base, u)
         if status > WARNING or (checked and is_solved(base, u, r, iteration, False)):
             return status
-        status = linearize(c, base, o, k, time, later, checked)
+        status = linearize(c, base, o, time, later, checked)
         if status > WARNING:
             return status
         regular = True
@@ -77,8 +77,8 @@ def solve(c: Any, base: int, o: int, k: int, time: float, later: float) -> int:
         scale(base, u)
         small = error_of(step, vector(base, u, SIZE)) <= TOLERANCE or is_solved(base, u, r, iteration, True)
         if regular and small:
-            return finish(c, base, o, k, time, later)
-        status = step_on(c, base, o, k, time, later, regular)
+            return finish(c, base, o, time, later)
+        status = step_on(c, base, o, time, later, regular)
     give_up(c, base, o)
     return UNSOLVED
 
@@ -89,13 +89,13 @@ def solve_block(base: int, u: Any, b: int) -> bool:
     return eliminate(matrix_of(base, u, b), block_of(base, u, STEP, b), columns, u[EQUATIONS])
 
 
-def finish(c: Any, base: int, o: int, k: int, time: float, later: float) -> int:
+def finish(c: Any, base: int, o: int, time: float, later: float) -> int:
     """Take a last step, too small to be judged by f, which may be steep: the unknowns are z. Returns the status."""
     u = unknowns(c, base, o)
     z, step, r = vector(base, u, Z), vector(base, u, STEP), vector(base, u, R)
     for j in range(z.size):
         z[j] += step[j]
-    status = residual(c, base, o, k, time, later, TRIAL, R)
+    status = residual(c, base, o, time, later, TRIAL, R)
     if status <= WARNING and error_of(r, vector(base, u, SIZE)) > STEEPEST:  # a jump looks like a slope
         give_up(c, base, o)
         return UNSOLVED
@@ -171,7 +171,7 @@ def progress(base: int, u: Any) -> float:
     return worst
 
 
-def linearize(c: Any, base: int, o: int, k: int, time: float, later: float, checked: bool) -> int:
+def linearize(c: Any, base: int, o: int, time: float, later: float, checked: bool) -> int:
     """The matrix of each block and the residual as right-hand side in STEP, all relative to sizes. Returns the status.
 
     checked: an unknown that comes back whatever it is, such as what a sampled block holds, stays as it is.
@@ -192,7 +192,7 @@ def linearize(c: Any, base: int, o: int, k: int, time: float, later: float, chec
     for column in range(n):
         for b in range(u[BLOCKS]):
             z[b * n + column] += DIFFERENCE * size[b * n + column]
-        status = residual(c, base, o, k, time, later, TRIAL, STEP)
+        status = residual(c, base, o, time, later, TRIAL, STEP)
         if status > WARNING:
             return status
         for b in range(u[BLOCKS]):
@@ -213,7 +213,7 @@ def linearize(c: Any, base: int, o: int, k: int, time: float, later: float, chec
     return OK
 
 
-def step_on(c: Any, base: int, o: int, k: int, time: float, later: float, regular: bool) -> int:
+def step_on(c: Any, base: int, o: int, time: float, later: float, regular: bool) -> int:
     """Take the step, or so much of it as makes the residual smaller, else go to f(z). Returns the status."""
     u = unknowns(c, base, o)
     z, f, step, kept = vector(base, u, Z), vector(base, u, F), vector(base, u, STEP), vector(base, u, KEPT)
@@ -221,14 +221,14 @@ def step_on(c: Any, base: int, o: int, k: int, time: float, later: float, regula
     while regular and part >= SMALLEST_PART:
         for j in range(z.size):
             z[j] = kept[j] + part * step[j]
-        status = residual(c, base, o, k, time, later, TRIAL, R)
+        status = residual(c, base, o, time, later, TRIAL, R)
         error = progress(base, u)
         if status > WARNING or error < worst or error <= TOLERANCE:
             return take(base, u, status)
         part *= 0.5
     for j in range(z.size):
         z[j] = f[j]
-    return take(base, u, residual(c, base, o, k, time, later, TRIAL, R))
+    return take(base, u, residual(c, base, o, time, later, TRIAL, R))
 
 
 def take(base: int, u: Any, status: int) -> int:
@@ -239,13 +239,13 @@ def take(base: int, u: Any, status: int) -> int:
     return status
 
 
-def residual(c: Any, base: int, o: int, k: int, time: float, later: float, to: int, over: int) -> int:
+def residual(c: Any, base: int, o: int, time: float, later: float, to: int, over: int) -> int:
     """f(z) and f(z) - z, to two vectors; the unknowns are then f(z). Returns the status."""
     u = unknowns(c, base, o)
     z, f, r = vector(base, u, Z), vector(base, u, to), vector(base, u, over)
     rows = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[B]
     exchange(c, base, o, z, True)
-    status = evaluate(c, base, o + 1, o + 1 + rows, k, time, later)
+    status = evaluate(c, base, o + 1, o + 1 + rows, time, later)
     exchange(c, base, o, f, False)
     for j in range(z.size):
         r[j] = f[j] - z[j]

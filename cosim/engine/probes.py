@@ -1,4 +1,4 @@
-"""What is copied out along a run: groups of signals, each every so many steps, into buffers that the loop fills."""
+"""What is copied out along a run: groups of signals, each every so many ticks, into buffers that the loop fills."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BUFFER_BYTES = 4_000_000
 
 @dataclass(frozen=True)
 class Probes:
-    """Signals that are copied out together every so many steps."""
+    """Signals that are copied out together every so many ticks."""
 
     signals: tuple[Signal, ...]
     every: int = 1
@@ -61,7 +61,7 @@ class Buffers:
         program: Program,
         arena: np.ndarray,
         probes: Sequence[Probes],
-        steps: int,
+        ticks: int,
         words: Callable[..., np.ndarray],
     ) -> None:
         self.arrays: list[np.ndarray] = []
@@ -71,7 +71,7 @@ class Buffers:
             begin = len(rows)
             columns, width = _columns(program, arena, group.signals)
             rows += [[program.places[c.signal].offset, c.words.stop - c.words.start] for c in columns]
-            capacity = max(1, min(BUFFER_BYTES // (8 * width), steps // group.every + 1))
+            capacity = max(1, min(BUFFER_BYTES // (8 * width), ticks // group.every + 1))
             buffer = words(capacity, width)
             self.arrays.append(buffer)
             self._columns.append(columns)

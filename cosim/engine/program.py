@@ -27,6 +27,7 @@ from cosim.engine.layout import Layout, Place, copy_of
 from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.wiring import order
+from cosim.wiring.clocks import Schedule
 from cosim.wiring.network import Loop, Network, Signal, Task
 
 METHODS = {"jacobi": jacobi.advance, "gauss-seidel": gauss_seidel.advance, "joint": joint.advance}
@@ -37,7 +38,8 @@ class Program:
     """What the loop needs of a diagram, position-independent; see `cosim.engine.loop` for the columns.
 
     phases: the rows of each, by name. started: the row after which a state is set that a start function computes.
-    loops: algebraic loops, by the row that solves them. layout: where everything lies in the arena.
+    loops: algebraic loops, by the row that solves them. clocks: the offset of those of blocks.
+    layout: where everything lies in the arena.
     """
 
     network: Network
@@ -49,11 +51,16 @@ class Program:
     phases: dict[str, tuple[int, int]]
     started: list[tuple[int, Signal]]
     loops: dict[int, Loop]
+    clocks: int
 
     @property
     def places(self) -> dict[Signal, Place]:
         """Where each variable lies."""
         return self.layout.places
+
+    def time(self, tick: int) -> float:
+        """The simulated time (s) of a tick, to the bit that of the loop."""
+        return tick * float(self.network.schedule.tick)
 
     def unsolved_error(self, row: int, arena: np.ndarray) -> float:
         """The error of the guess at which the solver of an algebraic loop, by its row, gave up."""
@@ -93,7 +100,7 @@ class Program:
 
     def owner(self, offset: int) -> tuple[Signal, int, int]:
         """Whose value lies at an offset, of which instance, and which element of it (both from 0)."""
-        for signal, place in self.places.items():
+        for signal, place in (*self.layout.integrated.items(), *self.places.items()):
             declared = self.network.variable(signal)
             size = int(np.prod(self.network.shape(signal))) * place.dtype.itemsize
             if not isinstance(declared, (Parameter, Input)) and place.offset <= offset < place.offset + size:
@@ -105,6 +112,7 @@ class Program:
 def build(network: Network, method: str) -> Program:
     """The program of a network for one of METHODS. Raises: DiagramErrors, FmuError."""
     layout = Layout(network)
+    clocks = layout.constant(_clock_words(network.schedule))
     writer = Writer(layout)
     _write_start(writer, network.initial)
     _write_point(writer, network.evaluation)
@@ -120,7 +128,14 @@ def build(network: Network, method: str) -> Program:
         phases=writer.phases,
         started=writer.started,
         loops=writer.loops,
+        clocks=clocks,
     )
+
+
+def _clock_words(schedule: Schedule) -> np.ndarray:
+    """The clocks of blocks as the loop wants them, none of which is due yet."""
+    words = [[schedule.ticks(clock.period), schedule.ticks(clock.offset), 0] for clock in schedule.clocks]
+    return np.array(words, np.int64)
 
 
 def _write_start(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
@@ -135,6 +150,8 @@ def _write_start(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
         writer.start(task)
     for component in components:
         writer.call_kind(component, "begin")
+    for component in components:
+        writer.hold(component)
     for signal, place in layout.next.items():
         writer.copy(place.offset, layout.places[signal].offset, layout.bytes_of(signal))
     writer.phase("START", begin)
@@ -145,8 +162,10 @@ def _write_point(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
     components, layout = writer.network.components, writer.layout
     begin = writer.begin()
     for signal, place in layout.next.items():
-        every = components[signal.component].every
-        writer.copy(layout.places[signal].offset, place.offset, layout.bytes_of(signal), every)
+        clock = writer.clock(components[signal.component])
+        writer.copy(layout.places[signal].offset, place.offset, layout.bytes_of(signal), clock)
+    for component in components.values():
+        writer.hold(component, writer.clock(component))
     writer.phase("PUBLISH", begin)
     begin = writer.begin()
     for component in components.values():
@@ -165,7 +184,7 @@ def _write_updates(writer: Writer) -> None:
     """UPDATE. A foreign block that is sampled samples what is published, as an update does, so it waits for no turn."""
     begin = writer.begin()
     for component in writer.network.components.values():
-        writer.call_kind(component, "update", component.every)
+        writer.call_kind(component, "update", writer.clock(component))
         if not order.has_turn(component):
             writer.call_kind(component, "step")
     writer.phase("UPDATE", begin)

@@ -95,9 +95,9 @@ class Run:
 
     def _probes(self) -> list[Probes]:
         """What is reduced is seen at every step, what is recorded at the recording's period."""
-        record = self.network.diagram.record
-        every = round(record.period / self.network.diagram.run.step) if record else 1
-        return [Probes(self.reductions.signals), Probes(self.network.recorded, every)]
+        record, grid = self.network.diagram.record, self.network.schedule.grid
+        every = grid * round(record.period / self.network.diagram.run.step) if record else grid
+        return [Probes(self.reductions.signals, grid), Probes(self.network.recorded, every)]
 
     def execute(self, watch: Callable[[float], None] = lambda time: None) -> Outcome:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
@@ -213,7 +213,7 @@ class Run:
         return Outcome(
             diagram=str(diagram.path),
             status="interrupted" if signal else status,
-            steps=self.simulation.done,
+            steps=self.simulation.steps,
             method=diagram.run.method,
             engine=self.engine,
             kernels_compiled=self.kernels_compiled,

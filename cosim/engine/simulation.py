@@ -39,14 +39,13 @@ class Simulation:
     def __init__(self, program: Program, kernels: Kernels | None, probes: Sequence[Probes] = ()) -> None:
         self.program = program
         self.kernels = kernels
-        self.step = program.network.diagram.run.step
-        self.steps = round(program.network.diagram.run.stop / self.step)
+        self.ticks = program.network.diagram.run.steps * program.network.schedule.grid
         self._foreign = [c for c in program.network.components.values() if c.declaration.foreign]
         self._forked = bool(self._foreign) and supervision.AVAILABLE
         self._zeros = memory.shared if self._forked else memory.private
         self.arena = copy_of(program.arena, self._zeros)
         self.probes = probes
-        self.buffers = Buffers(program, self.arena, probes, self.steps, self._words)
+        self.buffers = Buffers(program, self.arena, probes, self.ticks, self._words)
         self.control = self._words(tables.CONTROL_WORDS)
         self.breakable: Callable[[], AbstractContextManager[None]] = nullcontext  # put around what is interpreted
         self._interpreted = kernels is None and not self._forked
@@ -143,13 +142,18 @@ class Simulation:
 
     @property
     def done(self) -> int:
-        """How many steps are done."""
-        return int(self.control[tables.STEP])
+        """How many ticks are done."""
+        return int(self.control[tables.TICK])
+
+    @property
+    def steps(self) -> int:
+        """How many communication steps are done."""
+        return int(self.control[tables.STEPS])
 
     @property
     def time(self) -> float:
         """The simulated time (s)."""
-        return self.done * self.step
+        return self.program.time(self.done)
 
     def batches(self, wanted: Callable[[], bool] = supervision.never) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
@@ -158,11 +162,11 @@ class Simulation:
         Raises: BlockFailed, Diverged, Terminated, KeyboardInterrupt where a block does not let it stop; what the probes
         saw before is yielded first.
         """
-        size = 1 if self._parts else 64
+        size = (1 if self._parts else 64) * self.program.network.schedule.grid
         finished = False
         while not finished:
-            before, last = self.done, min(self.done + size, self.steps)
-            self.control[tables.LAST], self.control[tables.FINAL] = last, last == self.steps
+            before, last = self.done, min(self.done + size, self.ticks)
+            self.control[tables.LAST], self.control[tables.FINAL] = last, last == self.ticks
             self.control[tables.STOP] = 0
             began = clock.perf_counter()
             status, error = self._do_batch(wanted)
@@ -171,9 +175,9 @@ class Simulation:
             if error:
                 raise error
             self._raise(status)
-            if self.control[tables.ENDING] == tables.ENDED and self.done < self.steps:
+            if self.control[tables.ENDING] == tables.ENDED and self.done < self.ticks:
                 raise next(p.trace.termination() for ps in self._parts.values() for p in ps if p.trace.terminated)
-            finished = last == self.steps and not self.control[tables.FINAL]
+            finished = last == self.ticks and not self.control[tables.FINAL]
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 

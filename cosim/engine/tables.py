@@ -17,10 +17,11 @@ PHASES = ("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDA
 CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
 PHASE_WORDS = 2
 
-# A row: kind, three operands, done every so many steps, at the step's begin (0) or end (1).
+# A row: kind, three operands, the number of the clock by which it is done (from 1; 0: at every communication point),
+# at the step's begin (0) or end (1).
 ROW_WORDS = 6
 ROW_BYTES = 8 * ROW_WORDS
-KIND, A, B, C, EVERY, AT_END = range(ROW_WORDS)
+KIND, A, B, C, CLOCK, AT_END = range(ROW_WORDS)
 CALL, COPY, INTEGRATE, SOLVE = range(4)
 # Operands: function, frame | to, from, words | bank | offset of the unknowns, how many rows that follow evaluate them.
 
@@ -37,13 +38,17 @@ PIECE_WORDS = 3
 BANK_WORDS = 10
 BEGIN, END, IN_PLACE, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END, STAGES, TABLEAU = range(10)
 
-# A group of probes that are copied to a buffer every so many steps: [time, probed words…] a row, CAPACITY rows at most.
+# A clock, in ticks, and whether it is due at the communication point.
+CLOCK_WORDS = 3
+PERIOD, OFFSET, DUE = range(CLOCK_WORDS)
+
+# A group of probes that are copied to a buffer every so many ticks: [time, probed words…] a row, CAPACITY rows at most.
 GROUP_WORDS = 7
 GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = range(7)
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 33
+CONTROL_WORDS = 38
 (
     ROWS,
     BANKS,
@@ -61,15 +66,20 @@ CONTROL_WORDS = 33
     PHASE,  # the address of the phases
     FIRST_ROW,  # what `execute` does
     END_ROW,
-    STEP,  # the step that is being done; the caller sets the first
-    LAST,  # the step before which to stop
+    TICK,  # the communication point, in ticks; the caller sets the first
+    LAST,  # the tick before which to stop
     FINAL,  # whether to evaluate and probe at LAST too; 0 once that is done
+    STEPS,  # how many communication steps are done
+    GRID,  # the communication step, in ticks
+    CLOCKS,  # the offset of those of blocks
+    N_CLOCKS,
     AT,  # the row that is being done
     ELEMENT,  # the offset of the value that is not finite
     WARNINGS,  # how many calls returned a warning
-    ORIGIN_STEP,  # the step at which the time is ORIGIN
+    ORIGIN_TICK,  # the tick at which the time is ORIGIN
     ORIGIN,  # a float64 (s)
-    STEP_SIZE,  # the communication step, a float64 (s)
+    TICK_SIZE,  # a float64 (s)
+    STEP_SIZE,  # from this communication point to the next, a float64 (s)
     ENDING,  # not 0 if no step is to be done after the next communication point, a foreign block may say; then ENDED
     PUBLISHED,  # float64 numbers that have to be finite at every communication point, besides the states
     N_PUBLISHED,
@@ -78,18 +88,18 @@ CONTROL_WORDS = 33
     STOP,  # whether somebody wants the loop to return before its next step
     AGAIN,  # not 0 if a foreign block has had an event at this communication point, which may change what it publishes
     LOOPS,  # how many algebraic loops there are
-) = range(33)
+) = range(38)
 
 ENDED = 2  # what ENDING becomes
 
 
-def evaluate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
-    """Do calls and copies in order, as of step k and a time (s); later: the time of rows that are done at its end."""
-    rows, functions = c[ROWS], c[FUNCTIONS]
+def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:
+    """Do calls and copies in order, as of a time (s); later: that of rows that are done at the step's end."""
+    rows, functions, clocks = c[ROWS], c[FUNCTIONS], base + c[CLOCKS] - CLOCK_WORDS * 8
     for o in range(begin, end):
         row = words_at(rows + o * ROW_BYTES, ROW_WORDS)
-        every = row[EVERY]
-        if every != 1 and k % every != 0:
+        clock = row[CLOCK]
+        if clock != 0 and words_at(clocks + clock * CLOCK_WORDS * 8, CLOCK_WORDS)[DUE] == 0:
             continue
         c[AT] = o
         if row[KIND] == CALL:

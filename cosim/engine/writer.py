@@ -34,7 +34,7 @@ class Writer:
 
     started: the row after which a state is set that a start function computes.
     loops: those that are solved, by row. at_end: whether a row is done at the
-    end of a step, every: at which communication points.
+    end of a step, clock: the number of the clock by which it is, from 1; 0: at every communication point.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -47,6 +47,7 @@ class Writer:
         self.started: list[tuple[int, Signal]] = []
         self.loops: dict[int, Loop] = {}
         self._tableaus: dict[str, int] = {}
+        self._clocks = {clock: k + 1 for k, clock in enumerate(self.network.schedule.clocks)}
 
     def begin(self) -> int:
         """Where the next row goes."""
@@ -62,30 +63,40 @@ class Writer:
 
     # ---- rows ----
 
-    def copy(self, to: int, source: int, size: int, every: int = 1) -> None:
+    def clock(self, component: Component) -> int:
+        """The number of a component's clock."""
+        return self._clocks[component.clock] if component.clock else 0
+
+    def copy(self, to: int, source: int, size: int, clock: int = 0) -> None:
         """Copy so many bytes, in whole words."""
-        self._row(tables.COPY, to, source, -(-size // 8), every)
+        self._row(tables.COPY, to, source, -(-size // 8), clock)
 
     def integrate(self, bank: int) -> None:
         """Integrate a bank over a communication step."""
         self._row(tables.INTEGRATE, bank)
 
     def call(
-        self, component: Component, function: Function, stage: bool = False, at_end: bool = False, every: int = 1
+        self,
+        component: Component,
+        function: Function,
+        stage: bool = False,
+        hidden: bool = False,
+        at_end: bool = False,
+        clock: int = 0,
     ) -> None:
-        """Call a function; stage: on the states (and outputs) of an integration's stage."""
-        places = {name: self.layout.argument(component, name, stage) for name in function.arguments}
+        """Call a function; stage: on the outputs of an integration's stage; hidden: and on its states."""
+        places = {name: self.layout.argument(component, name, stage, hidden) for name in function.arguments}
         frame = frame_of(component.declaration, function, component.constants())
         sizes = {name: component.axes[name].size for name in frame.dimensions}
         placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None}
         offset = self.layout.constant(np.array(frame.words(component.count, sizes, placed), np.int64))
-        self._row(tables.CALL, len(self.calls), offset, every=every, at_end=at_end)
+        self._row(tables.CALL, len(self.calls), offset, clock=clock, at_end=at_end)
         self.calls.append(Call(component.name, function, component.count, offset, tuple(places.values())))
 
-    def call_kind(self, component: Component, kind: str, every: int = 1) -> None:
+    def call_kind(self, component: Component, kind: str, clock: int = 0) -> None:
         """The functions of one kind of a component."""
         for function in component.declaration.kind(kind):
-            self.call(component, function, every=every)
+            self.call(component, function, clock=clock)
 
     def start(self, task: Task | Loop) -> None:
         """Evaluate for the first time; a start value that the diagram gives wins over a computed one."""
@@ -98,9 +109,16 @@ class Writer:
                 row = len(self.rows) - 1
                 self.started += [(row, Signal(component.name, name)) for name in sorted(function.writes)]
                 for name in sorted(function.writes & component.given):
-                    place = self.layout.places[Signal(component.name, name)]
+                    place = self.layout.own(Signal(component.name, name))
                     size = component.count * component.nbytes(component.declaration.variables[name])
                     self.copy(place.offset, self.layout.shadow(component, name), size)
+        self.hold(component)
+
+    def hold(self, component: Component, clock: int = 0) -> None:
+        """Publish the continuous states of a component that holds them, when a clock is due."""
+        for signal, place in self.layout.integrated.items():
+            if signal.component == component.name:
+                self.copy(self.layout.places[signal].offset, place.offset, self.layout.bytes_of(signal), clock)
 
     def publish_states(self, component: Component | None = None) -> None:
         """Publish the states that an integration has left in W, of one component or all."""
@@ -116,53 +134,57 @@ class Writer:
         self.copy(vectors[to] + 8 * begin, vectors[source] + 8 * begin, 8 * (end - begin))
 
     def tasks(self, tasks: Iterable[Task | Loop], at_end: bool = False, first: bool = False) -> None:
-        """Evaluate, in order: outputs, sampled ones when they are due, joins of several sources, and loops of them."""
+        """Evaluate, in order: outputs and joins of sources, sampled ones when they are due, and loops of them.
+
+        first: for the first time, when all are due.
+        """
         for task in tasks:
             if isinstance(task, Loop):
                 self._solve(task, at_end, first)
                 continue
             component = self.network.components[task.component]
+            clock = self.clock(component) if component.is_sampled and not first else 0
             if task.function:
-                function = self.network.function(task)
-                every = component.every if component.is_sampled and function.kind == "outputs" else 1
-                self.call(component, function, at_end=at_end, every=every)
+                self.call(component, self.network.function(task), at_end=at_end, clock=clock)
             else:
-                self._join(component, task.port)
+                self._join(component, task.port, clock if component.samples_inputs else 0)
 
     def _solve(self, loop_: Loop, at_end: bool, first: bool) -> None:
         """Solve an algebraic loop: a row for it, then those that evaluate it. first: as there is only one solution."""
         row = len(self.rows)
         self._row(tables.SOLVE, self.layout.unknowns(loop_), c=int(first), at_end=at_end)
         self.loops[row] = loop_
-        self.tasks(loop_.tasks, at_end)
+        self.tasks(loop_.tasks, at_end, first)
         self.rows[row][tables.B] = len(self.rows) - row - 1
 
-    def _join(self, component: Component, port: str) -> None:
+    def _join(self, component: Component, port: str, clock: int) -> None:
         to = self.layout.places[Signal(component.name, port)].offset
         for source in component.wires[port]:
             size = self.layout.bytes_of(source)
-            self.copy(to, self.layout.offset_of(source), size)
+            self.copy(to, self.layout.offset_of(source), size, clock)
             to += size
 
-    def _row(self, kind: int, a: int, b: int = 0, c: int = 0, every: int = 1, at_end: bool = False) -> None:
-        self.rows.append([kind, a, b, c, every, int(at_end)])
+    def _row(self, kind: int, a: int, b: int = 0, c: int = 0, clock: int = 0, at_end: bool = False) -> None:
+        self.rows.append([kind, a, b, c, clock, int(at_end)])
 
     # ---- integration ----
 
-    def derivatives(self, components: Iterable[Component], stage: bool = False) -> Range:
-        """The derivatives of components; stage: of the states of an integration's stage."""
+    def derivatives(self, components: Iterable[Component]) -> Range:
+        """The derivatives of components, of the published states."""
         begin = self.begin()
         for component in components:
-            for function in component.declaration.kind("derivatives"):
-                self.call(component, function, stage)
+            if component.is_sampled and order.needed_outputs(component):  # what it publishes is not what it is
+                self.stage(component, hidden=False)
+            else:
+                for function in component.declaration.kind("derivatives"):
+                    self.call(component, function)
         return self.end(begin)
 
     def stage(self, component: Component, hidden: bool) -> Range:
         """A component's derivatives at a stage; hidden: its states are not where the published ones are."""
         begin = self.begin()
-        for function in order.needed_outputs(component):
-            self.call(component, function, stage=True)
-        self.derivatives([component], stage=hidden)
+        for function in (*order.needed_outputs(component), *component.declaration.kind("derivatives")):
+            self.call(component, function, stage=True, hidden=hidden)
         return self.end(begin)
 
     def bank(self, part: Range, in_place: bool, integrator: str, inner_steps: int, first: Range, inner: Range) -> int:
@@ -181,6 +203,6 @@ class Writer:
     def part(self, component: Component) -> Range:
         """Where a component's continuous states are in the state vector."""
         states = component.declaration.continuous()
-        first = self.layout.places[Signal(component.name, states[0].name)]
+        first = self.layout.own(Signal(component.name, states[0].name))
         at = (first.offset - self.layout.vectors["X"]) // 8
         return at, at + sum(component.count * component.nbytes(s) for s in states) // 8

@@ -37,7 +37,6 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
             _array("static const char *const labels", (_quote(c.function.name) for c in exported.program.calls)),
             _array("static const char *const blocks", (_quote(c.component) for c in exported.program.calls)),
             _array("static const Started started", started),
-            _array("static const int64_t periods", map(str, exported.periods)),
             *_segments(image),
             _array("static const Variable variables", _variables(description)),
             _array("static const Scalar scalars", _scalars(description)),
@@ -100,10 +99,11 @@ def _scalars(description: ModelDescription) -> Iterator[str]:
 
 
 def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[str]:
-    built = exported.program
+    built, schedule = exported.program, exported.network.schedule
     yield "const Model model = {"
     yield f"    .token = {_quote(token)},"
     yield f"    .step = {exported.network.diagram.run.step!r},"
+    yield f"    .tick = {float(schedule.tick)!r}, .grid = {schedule.grid},"
     yield f"    .arena_bytes = {-(-size // 8) * 8},"
     yield "    .segments = segments, .n_segments = sizeof segments / sizeof *segments, .words = words,"
     yield "    .rows = rows, .phases = phases, .banks = banks,"
@@ -113,7 +113,8 @@ def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[
     for name, kind in (("published", "float64"), ("published32", "float32")):
         offset, count = built.layout.published[kind]
         yield f"    .{name} = {offset}, .n_{name} = {count},"
-    yield f"    .started = started, .n_started = {started}, .periods = periods, .n_periods = {len(exported.periods)},"
+    yield f"    .started = started, .n_started = {started},"
+    yield f"    .clocks = {built.clocks}, .n_clocks = {len(schedule.clocks)},"
     yield f"    .variables = variables, .n_variables = {len(exported.variables)},"
     yield f"    .scalars = scalars, .n_scalars = {sum(v.size for v in exported.variables)},"
     yield "};"

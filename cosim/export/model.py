@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit, Variable
+from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, Period, State, Unit, Variable
 from cosim.engine import program, tables
 from cosim.engine.layout import Place
 from cosim.engine.program import Program
@@ -89,11 +89,6 @@ class Model:
         return self.program.network
 
     @property
-    def periods(self) -> list[int]:
-        """The periods of sampled blocks, in steps."""
-        return sorted({s.every for s in self.network.components.values() if s.declaration.kind("update")})
-
-    @property
     def derivatives(self) -> list[FmiVariable]:
         """The derivatives in the order of the state vector."""
         return sorted((v for v in self.variables if v.state), key=lambda v: v.offset)
@@ -138,7 +133,7 @@ class _Describer:
         for component in self.model.network.components.values():
             continuous = component.declaration.continuous()
             for declared in component.declaration.variables.values():
-                if declared.name in component.wires:
+                if declared.name in component.wires or isinstance(declared, Period):
                     continue
                 yield (variable := self._variable(component, declared))
                 if declared in continuous:

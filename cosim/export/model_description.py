@@ -81,7 +81,7 @@ class ModelDescription(ABC):
     @property
     def variable_steps(self) -> str:
         """Sampled blocks count inner steps, so that each has to be as long as the others."""
-        return truth(not self.model.periods)
+        return truth(not self.model.network.schedule.clocks)
 
     def experiment(self, root: Element) -> None:
         """The categories of messages, and the run of the diagram."""

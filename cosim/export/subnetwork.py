@@ -45,7 +45,7 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
     components: dict[str, Component] = {}
     started: dict[Signal, bool] = {}
     for name in names:
-        component = network.components[name]
+        component = _timed(network.components[name], alone=len(names) == 1)
         kept = {port: sources for port, sources in component.wires.items() if Signal(name, port) not in opened}
         values = component.values | {signal.variable: v for signal, v in opened.items() if signal.component == name}
         computed = {v for f in component.declaration.kind("start") for v in f.writes}
@@ -76,6 +76,20 @@ def _checked(network: Network, blocks: Sequence[str]) -> list[str]:
             fix = "remove `compiled=False` from the class, and write results in place"
             raise NotExportable(message, component.entry.position, fix)
     return names
+
+
+def _timed(component: Component, alone: bool) -> Component:
+    """A block that is exported alone leaves its period to who runs it, unless its `update` needs it.
+
+    Raises: NotExportable.
+    """
+    if alone and not component.declaration.kind("update"):
+        return replace(component, clock=None)
+    if component.samples_inputs:
+        message = f"block {component.name}: its period keeps it from being exported together with others"
+        fix = "export it alone, and give the FMU its period in the diagram that runs it"
+        raise NotExportable(message, component.entry.settings["period"].key_position, fix)
+    return component
 
 
 def _member(component: Component, k: int) -> Component:

@@ -203,10 +203,6 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     wrong = given.keys() - fleets.keys()
     mapped = [entry for entry in unfolded.blocks.values() if "per" in entry.settings]
     unfolded.unread |= {entry.name for entry in mapped if entry.settings["per"].value in wrong}
-    for entry in unfolded.blocks.values():
-        period = entry.settings.get("period")
-        if period and not _is_multiple(period, f"blocks.{entry.name}.period", period.value, run.step, reader):
-            del entry.settings["period"]
     titled = tree.value.get("title")
     title = read_value(DIAGRAM["title"], titled, "title", reader) if titled else source.title_of(path)
     record = _record(tree.value["record"], unfolded, run, reader) if "record" in tree.value else None

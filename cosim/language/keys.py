@@ -79,6 +79,7 @@ POSITIVE = Type(
     lambda reader, node, where, default: reader.positive(node, where, math.nan if default is None else default),
     "number above zero",
 )
+NOT_NEGATIVE = Type(lambda reader, node, where, default: reader.not_negative(node, where, default), "number from zero")
 SIGNAL = Type(lambda reader, node, where, _: node if reader.endpoint(node, where) else None, "block.port")
 NAMES = Type(lambda reader, node, where, _: node, "text, or a list of such")
 ANYTHING = Type(lambda reader, node, where, _: node)
@@ -132,7 +133,8 @@ BLOCK: dict[str, Key] = {
     "start": Key("start values, by state or input", below={ANY: Key("", DATA)}),
     "inputs": Key("what each input reads", below={ANY: Key("", SOURCES)}),
     "dimensions": Key("sizes, by dimension", below={ANY: Key("", SIZE)}),
-    "period": Key("how often a sampled block is due", POSITIVE, unit="s", kinds=NATIVE),
+    "period": Key("how often it is due; between, its outputs are held", POSITIVE, unit="s", kinds=NATIVE),
+    "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=NATIVE),
     "integrator": Key("its own integrator; none: that of the run", choice(INTEGRATORS), kinds=NATIVE),
     "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
     "ports": Key("the FMU's variable behind each name of ours", below={ANY: Key("", TEXT)}, kinds=("fmu",)),

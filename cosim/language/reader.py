@@ -76,6 +76,14 @@ class Reader:
             return default
         return value
 
+    def not_negative(self, node: Node, name: str, default: float = 0.0) -> float:
+        """A number from zero."""
+        value = self.number(node, name, default)
+        if value < 0:
+            self.wrong(node, f"`{name}` must not be negative, not {describe(node)}", "such as 0.001", WrongValue)
+            return default
+        return value
+
     def count(self, node: Node, name: str, most: int = MOST) -> int:
         """A whole number from one."""
         value = self.number(node, name)

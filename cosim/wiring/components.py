@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 from cosim.authoring.block import Block
-from cosim.errors import TooManyInstances, UnknownParameter, WrongValue, nearest
+from cosim.authoring.variables import Period
+from cosim.errors import MissingParameter, TooManyInstances, UnknownParameter, WrongValue, nearest
+from cosim.language.diagram import RunSettings
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
 from cosim.wiring import library, replacing
+from cosim.wiring.clocks import MOST_TICKS, Clock, exact, schedule
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Axis, Component
 
@@ -44,23 +50,34 @@ def _time(draft: Draft, component: Component) -> None:
     given, run = component.entry.settings, draft.diagram.run
     component.integrator = given["integrator"].value if "integrator" in given else run.integrator
     component.inner_steps = given["inner_steps"].value if "inner_steps" in given else run.inner_steps
-    if "period" in given:
-        draft.problems.attempt(_sample, component, given["period"], run.step)
+    draft.problems.attempt(_sample, component, run)
     for key in ("integrator", "inner_steps"):
         if key in given and not given[key].inherited:
             draft.problems.attempt(_check_integration, component, key, given[key], run.method)
 
 
-def _sample(component: Component, period: Node, step: float) -> None:
-    """Raises: WrongValue."""
-    if not component.declaration.kind("update"):
-        message = f"block {component.name}: {component.declaration.name} is not sampled, so it takes no period"
-        raise WrongValue(message, period.position, "remove `period`, or give the block an update() function")
-    steps = float(period.value) / step
-    component.every = round(steps)
-    if component.every < 1 or abs(steps - component.every) > 1e-9 * steps:
-        message = f"block {component.name}: the period {period.value} s is no whole number of steps"
-        raise WrongValue(message, period.position, f"choose a multiple of run.step = {step} s")
+def _sample(component: Component, run: RunSettings) -> None:
+    """Raises: WrongValue, MissingParameter."""
+    given, declaration = component.entry.settings, component.declaration
+    period, offset = given.get("period"), given.get("offset")
+    if any(math.isnan(time) for time in (run.step, run.stop, period.value if period else 0.0)):
+        return  # a mistake that is told
+    if period:
+        start = exact(offset.value, run.step) if offset else Fraction(0)
+        component.clock = Clock(exact(period.value, run.step), start)
+        if max(component.clock.period, exact(run.stop)) >= MOST_TICKS * schedule(run.step, [component.clock]).tick:
+            message = f"block {component.name}: {component.clock} and run.step = {run.step:g} s have no common measure"
+            raise WrongValue(message, period.position, f"such as a multiple of {run.step:g}, or a fraction such as 1/3")
+    elif offset:
+        message = f"block {component.name}: an `offset` is that of a `period`, and there is none"
+        raise WrongValue(message, offset.key_position, "write `period` (s) too")
+    elif declaration.kind("update") and declaration.measuring:
+        component.clock = Clock(exact(run.step))
+    elif declaration.kind("update") or any(declaration.of(Period)):
+        said = "is sampled" if declaration.kind("update") else "asks for its `period`"
+        message = f"block {component.name}: {declaration.name} {said}, and has no `period`"
+        fix = f"add `period: {run.step:g}` (s) under blocks.{component.name}, or another"
+        raise MissingParameter(message, component.entry.position, fix)
 
 
 def _check_integration(component: Component, key: str, node: Node, method: str) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cosim.authoring.variables import Parameter, State, Variable
+from cosim.authoring.variables import Parameter, Period, State, Variable
 from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue, nearest
 from cosim.language.source import Node
 from cosim.language.values import Value
@@ -56,6 +56,9 @@ def evaluate(draft: Draft) -> None:
         declaration = component.declaration
         if any(component.signal_axes(variable) is None for variable in declaration.variables.values()):
             continue
+        if component.clock:
+            own = np.array([float(component.clock.period)])
+            component.values.update((period.name, own) for period in declaration.of(Period))
         for variable in (*declaration.of(Parameter), *declaration.startable(), *declaration.guessable()):
             value = draft.values.get((component.name, variable.name))
             if value is not None:

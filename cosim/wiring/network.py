@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeGuard
 
 import numpy as np
@@ -17,6 +18,7 @@ from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import BlockEntry, Diagram
 from cosim.language.reader import endpoint
 from cosim.language.swaps import Swap
+from cosim.wiring.clocks import Clock, Schedule, schedule
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,10 @@ class Finding:
 
 @dataclass
 class Component:
-    """One block of a diagram, wired. Values have the shape (instances or 1, *shape of the variable)."""
+    """One block of a diagram, wired. Values have the shape (instances or 1, *shape of the variable).
+
+    clock: when it is due; None: at every communication point.
+    """
 
     name: str
     entry: BlockEntry
@@ -106,7 +111,7 @@ class Component:
     values: dict[str, np.ndarray] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
-    every: int = 1
+    clock: Clock | None = None
     integrator: str = "euler"
     inner_steps: int = 1
 
@@ -132,16 +137,27 @@ class Component:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its outputs change at its sample times only."""
-        declaration = self.declaration
-        return declaration.sampled or (bool(declaration.kind("update")) and not declaration.kind("derivatives"))
+        """Whether its outputs change at its sample times only; beside `derivatives`, an `update` alone does."""
+        updates, flows = self.declaration.kind("update"), self.declaration.kind("derivatives")
+        return self.declaration.sampled or bool(updates and not flows) or (self.clock is not None and not updates)
+
+    @property
+    def samples_inputs(self) -> bool:
+        """Whether what goes on in it between its sample times sees its inputs as they were at the last one."""
+        return (
+            self.clock is not None
+            and self.is_sampled
+            and bool(self.declaration.continuous() or self.declaration.kind("step"))
+        )
 
     def is_joined(self, port: str) -> bool:
         """Whether an input is copied to memory of its own.
 
-        So is what several sources bring along a fleet, and an output of the same block, which the function that reads
-        it may be about to write.
+        So is what several sources bring along a fleet, what is sampled, and an output of the same block, which the
+        function that reads it may be about to write.
         """
+        if self.samples_inputs:
+            return True
         own = [source.variable for source in self.wires.get(port, ()) if source.component == self.name]
         outputs = [name for name in own if not isinstance(self.declaration.variables[name], State)]
         return isinstance(self.entry.inputs[port].value, list) or bool(outputs)
@@ -195,6 +211,11 @@ class Network:
     reduced: dict[str, Signal] = field(default_factory=dict)
     initial: tuple[Task | Loop, ...] = ()
     evaluation: tuple[Task | Loop, ...] = ()
+
+    @cached_property
+    def schedule(self) -> Schedule:
+        """When the master stops."""
+        return schedule(self.diagram.run.step, [component.clock for component in self.components.values()])
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""

@@ -58,7 +58,10 @@ class Turn:
 
 def has_turn(component: Component) -> bool:
     """Whether a component advances between two communication points by itself; the others are evaluated when asked."""
-    return bool(component.declaration.continuous() or component.declaration.kind("step")) and not component.is_sampled
+    return (
+        bool(component.declaration.continuous() or component.declaration.kind("step"))
+        and not component.declaration.sampled
+    )
 
 
 def turns(network: Network, order: Sequence[Task | Loop]) -> list[Turn]:
@@ -183,7 +186,7 @@ class _Ways:
 
     def _feeds_through(self, name: str) -> bool:
         declaration = self.network.components[name].declaration
-        return any(
+        return not self.network.components[name].is_sampled and any(
             isinstance(declaration.variables.get(r), Input) for f in declaration.kind("outputs") for r in f.reads
         )
 

@@ -26,12 +26,16 @@ class Wired:
 
 @dataclass(frozen=True)
 class ComponentOverview:
-    """A component: its name, its block type, how many there are of it (None: it is of no fleet), its wires."""
+    """A component: its name, its block type, how many there are of it (None: it is of no fleet), its wires.
+
+    due: when it is, "" if it is at every communication point.
+    """
 
     name: str
     type: str
     count: int | None
     wires: tuple[Wired, ...]
+    due: str
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,8 @@ def _part(network: Network, component: Component) -> ComponentOverview:
         for port, sources in component.wires.items()
     ]
     count = component.count if component.fleet else None
-    return ComponentOverview(component.name, component.declaration.name, count, tuple(wires))
+    due = str(component.clock) if component.clock and "period" in component.entry.settings else ""
+    return ComponentOverview(component.name, component.declaration.name, count, tuple(wires), due)
 
 
 def _dealt(network: Network, component: Component, port: str) -> tuple[str, ...]:

@@ -39,13 +39,9 @@ def settle(entry: BlockEntry, declaration: Declaration, problems: Problems, code
         "dimensions": {*declaration.dimension_names(), *declaration.dimensions},
     }
     other = _other_units(entry, before, known) if before else []
-    needs = {
-        "period": declaration.kind("update"),
-        **dict.fromkeys(("integrator", "inner_steps"), declaration.continuous()),
-    }
-    for key, needed in needs.items():
+    for key in ("integrator", "inner_steps"):
         node = entry.settings.get(key)
-        if node and node.inherited and not needed:
+        if node and node.inherited and not declaration.continuous():
             entry.unfit[key] = entry.settings.pop(key)
     lost = [*other, *take_out(entry, names)]
     if lost:

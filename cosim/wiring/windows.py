@@ -97,3 +97,9 @@ def _cut(network: Network, found: Mapping[str, tuple[Signal, Reduction]]) -> Ite
                 f"block {component.name}: its period of {period.value:g} s is longer than the run: it is sampled once"
             )
             yield WrongValue(message, period.position, f"periods are in seconds; this run lasts {run.stop:g} s")
+        offset = component.entry.settings.get("offset")
+        if offset and float(offset.value) > run.stop * (1 + 1e-9):
+            message = (
+                f"block {component.name}: its offset of {offset.value:g} s is longer than the run: it is never due"
+            )
+            yield WrongValue(message, offset.position, f"offsets are in seconds; this run lasts {run.stop:g} s")

@@ -69,7 +69,7 @@ def test_the_loop_itself_stops_at_a_full_buffer(wired, engine_):
     buffer, groups = one.buffers.arrays[0], one.buffers.groups
     groups[0, tables.CAPACITY] = 5
     buffer[5:] = -7
-    one.control[tables.LAST], one.control[tables.FINAL] = one.steps, 1
+    one.control[tables.LAST], one.control[tables.FINAL] = one.ticks, 1
     assert one._host.run("run") == tables.OK
     assert one.done == 5 and groups[0, tables.FILLED] == 5 and one.control[tables.FINAL] == 1
     assert (buffer[5:] == -7).all()
@@ -117,7 +117,8 @@ def own(tmp_path, text, **values):
         text = text.replace(name, value)
     (tmp_path / "own.py").write_text(text)
     path = tmp_path / "own.yaml"
-    blocks = "blocks: {bad: {python: 'own.py:Bad', per: robot}}"
+    period = "period: 0.01, " if "def update" in text else ""
+    blocks = f"blocks: {{bad: {{python: 'own.py:Bad', {period}per: robot}}}}"
     path.write_text(f"run: {{stop: 0.1, step: 0.01}}\nfleets: {{robot: 2}}\n{blocks}\n")
     return run.load(path)
 

@@ -14,7 +14,7 @@ from cosim.results.result_file import open_result
 TIMER = """
 run: {stop: 3, step: 0.01}
 blocks:
-  clock: {type: Clock}
+  clock: {type: Clock, period: 0.01}
 record: {period: 0.1, signals: [clock.t]}
 metrics:
   m: {signal: clock.t, reduce: max}
@@ -76,7 +76,7 @@ def test_what_the_end_of_the_run_cuts_off_is_warned_of(wired):
 
 
 def test_a_period_that_the_run_does_not_last_is_warned_of(wired):
-    text = TIMER.replace("clock: {", "clock: {period: 1000, ", 1)
+    text = TIMER.replace("period: 0.01", "period: 1000", 1)
     (warning,) = Run(wired(text)).execute().warnings
     assert "block clock: its period of 1000 s is longer than the run" in warning.message and warning.position.line == 4
     assert not Run(wired(text.replace("1000", "3"))).execute().warnings

@@ -133,7 +133,8 @@ WRONG = [
     (HEAD + "blocks: {b: {block: B, parameters: {m: [1, ~]}}}\n", WrongType, 2, 44, "a list such as [1, 2]"),
     (HEAD + "blocks: {b: {block: B, inputs: {u: x}}}\n", WrongValue, 2, 36, "write block.port"),
     (HEAD + "blocks: {b: {block: B, inputs: {u: [b.x, 5]}}}\n", WrongValue, 2, 42, "write block.port"),
-    (HEAD + "blocks: {b: {block: B, period: 0.25}}\n", WrongValue, 2, 32, "such as 0.2"),
+    (HEAD + "blocks: {b: {block: B, period: 0.0}}\n", WrongValue, 2, 32, "such as 0.001"),
+    (HEAD + "blocks: {b: {block: B, period: 1, offset: -1}}\n", WrongValue, 2, 43, "such as 0.001"),
     (HEAD + "blocks: {b: {block: B, integrator: rk5}}\n", WrongValue, 2, 36, "did you mean `rk4`?"),
     (HEAD + "blocks: {b: {block: B, inner_steps: 0}}\n", WrongValue, 2, 37, "such as 1, 2, 3"),
     (HEAD + "blocks: {b: {block: B, dimensions: {n: 1.5}}}\n", WrongValue, 2, 40, "such as 1, 2, 3"),
@@ -209,11 +210,10 @@ def test_all_mistakes_of_a_file_in_one_go_and_in_the_order_of_their_places(folde
 
 def test_with_problems_the_diagram_is_returned_as_far_as_it_goes(folder):
     problems = Problems()
-    write("a.yaml", HEAD + "blocks: {b: {block: B, paramters: {m: 1}, period: 0.25}, c: {}}\n")
+    write("a.yaml", HEAD + "blocks: {b: {block: B, paramters: {m: 1}, period: 0}, c: {}}\n")
     diagram = load("a.yaml", problems=problems)
     assert [type(e) for e in problems.errors] == [UnknownKey, MissingKey, WrongValue]
     assert plain(diagram.blocks["b"].parameters) == {"m": 1}
-    assert diagram.blocks["b"].settings.get("period") is None
     assert list(diagram.blocks) == ["b"]
     assert diagram.unread == {"c"}
 

@@ -180,7 +180,7 @@ def test_a_long_run_begins_at_once(wired, stop):
     one = Simulation(built, compilation.compile_program(built), [Probes((signal,)), Probes((signal,), 1000)])
     one.initialize()
     next(one.batches())
-    assert 0 < one.done < one.steps
+    assert 0 < one.done < one.ticks
     assert sum(buffer.nbytes for buffer in one.buffers.arrays) <= 2 * BUFFER_BYTES
 
 

@@ -51,7 +51,7 @@ static Status explain(Instance *i, int32_t status, double time) {
 
 static double grid_time(const Instance *i) {
     const Progress *at = &i->at;
-    return at->origin + (double)(at->k - at->origin_step) * at->step;
+    return at->origin + (double)(at->k - at->origin_tick) * at->tick;
 }
 
 static Status conclude(Instance *i, int32_t status, int64_t warnings, double time) {
@@ -60,13 +60,13 @@ static Status conclude(Instance *i, int32_t status, int64_t warnings, double tim
     return tell(i, WARNING, LOG_WARNING, "a block warned at t = %g s", time);
 }
 
-/* Rows once, as of step k. */
+/* Rows once, as of tick k. */
 static Status execute(Instance *i, Range range, double time) {
     int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
     if (range.begin == range.end) return OK;
     c[ENGINE_FIRST_ROW] = range.begin;
     c[ENGINE_END_ROW] = range.end;
-    c[ENGINE_STEP] = i->at.k;
+    c[ENGINE_TICK] = i->at.k;
     return conclude(i, engine_execute(time, i->arena, c), warnings, time);
 }
 
@@ -80,17 +80,17 @@ static Status execute_part(Instance *i, Range range, double time) {
     return status;
 }
 
-/* n steps from step k; for n = 0 what a communication point evaluates, once, as of step k. */
+/* n ticks from tick k; for n = 0 what a communication point evaluates, once, as of tick k. */
 static Status run(Instance *i, int64_t n) {
     int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
-    c[ENGINE_STEP] = i->at.k;
+    c[ENGINE_TICK] = i->at.k;
     c[ENGINE_LAST] = i->at.k + n;
     c[ENGINE_FINAL] = n == 0;
-    c[ENGINE_ORIGIN_STEP] = i->at.origin_step;
+    c[ENGINE_ORIGIN_TICK] = i->at.origin_tick;
     memcpy(&c[ENGINE_ORIGIN], &i->at.origin, sizeof(double));
-    memcpy(&c[ENGINE_STEP_SIZE], &i->at.step, sizeof(double));
+    memcpy(&c[ENGINE_TICK_SIZE], &i->at.tick, sizeof(double));
     const int32_t status = engine_run(0, i->arena, c);
-    i->at.k = c[ENGINE_STEP];
+    i->at.k = c[ENGINE_TICK];
     return conclude(i, status, warnings, grid_time(i));
 }
 
@@ -187,10 +187,12 @@ void set_time(Instance *i, double time) {
 
 /* ---- from phase to phase ------------------------------------------------------------------------------------- */
 
-static int64_t sample_after(int64_t k) {
+static int64_t sample_after(const Instance *i, int64_t k) {
     int64_t next = INT64_MAX;
-    for (uint32_t p = 0; p < model.n_periods; p++) {
-        const int64_t candidate = (k / model.periods[p] + 1) * model.periods[p];
+    for (uint32_t n = 0; n < model.n_clocks; n++) {
+        const int64_t *clock = (const int64_t *)(i->arena + model.clocks) + n * ENGINE_CLOCK_WORDS;
+        const int64_t period = clock[ENGINE_PERIOD], offset = clock[ENGINE_OFFSET];
+        const int64_t candidate = k < offset ? offset : offset + ((k - offset) / period + 1) * period;
         if (candidate < next) next = candidate;
     }
     return next;
@@ -212,14 +214,14 @@ Status exit_initialization(Instance *i, Phase next) {
     const Status status = provide(i, EVALUATED);
     if (status >= ERROR) return status;
     i->at.phase = next;
-    i->at.sampling = i->interface == MODEL_EXCHANGE && model.n_periods > 0;
-    i->at.next = sample_after(0);
+    i->at.sampling = i->interface == MODEL_EXCHANGE && model.n_clocks > 0;
+    i->at.next = sample_after(i, 0);
     return worse(status, tell(i, OK, LOG_EVENTS, "initialized at t = %g s", i->at.start));
 }
 
 bool next_event(Instance *i, double *time) {
-    if (i->interface != MODEL_EXCHANGE || model.n_periods == 0) return false;
-    *time = i->at.origin + (double)i->at.next * model.step;
+    if (i->interface != MODEL_EXCHANGE || model.n_clocks == 0) return false;
+    *time = i->at.origin + (double)i->at.next * model.tick;
     return true;
 }
 
@@ -229,7 +231,7 @@ Status enter_event_mode(Instance *i) {
     i->at.inputs_set = 0;
     if (!next_event(i, &due) || i->at.time < due - ROUNDING * model.step) return OK;
     i->at.k = i->at.next;
-    i->at.next = sample_after(i->at.k);
+    i->at.next = sample_after(i, i->at.k);
     i->at.sampling = 1;
     i->at.outputs_stale = i->at.derivatives_stale = 1;
     return tell(i, OK, LOG_EVENTS, "sampled at t = %g s", due);
@@ -264,14 +266,15 @@ Status complete_step(Instance *i, bool *event) {
     return status;
 }
 
-/* The time of step k is kept on a grid as long as the importer's times lie on it within rounding, so that a run gets
+/* The time of tick k is kept on a grid as long as the importer's times lie on it within rounding, so that a run gets
  * the same times as the diagram that it was exported from. */
 static void follow(Progress *at, double time, double step) {
-    const double expected = at->origin + (double)(at->k - at->origin_step) * at->step;
-    if (step != at->step || fabs(time - expected) > ROUNDING * step) {
+    const double expected = at->origin + (double)(at->k - at->origin_tick) * at->tick;
+    const double tick = step == model.step ? model.tick : step / (double)model.grid;
+    if (tick != at->tick || fabs(time - expected) > ROUNDING * step) {
         at->origin = time;
-        at->origin_step = at->k;
-        at->step = step;
+        at->origin_tick = at->k;
+        at->tick = tick;
     }
 }
 
@@ -286,12 +289,12 @@ Status do_step(Instance *i, double time, double size) {
     const double n = fmax(1, ceil(size / model.step - ROUNDING));
     double step = size / n;
     if (fabs(step - model.step) <= ROUNDING * model.step) step = model.step;
-    if (model.n_periods && step != model.step)
+    if (model.n_clocks && step != model.step)
         return tell(i, DISCARD, LOG_WARNING, "doStep: sampled blocks need a multiple of %g s, not %g s", model.step, size);
     Status status = calculate(i);
     if (status >= ERROR) return status;
     follow(at, time, step);
-    status = worse(status, run(i, (int64_t)n));
+    status = worse(status, run(i, (int64_t)n * model.grid));
     at->time = time + size;
     at->outputs_stale = at->derivatives_stale = 1;
     at->inputs_set = 0;

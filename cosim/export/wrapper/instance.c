@@ -40,6 +40,9 @@ static void set_control(Instance *i) {
     c[ENGINE_SUM] = (int64_t)model.sum;
     c[ENGINE_D] = (int64_t)model.d;
     c[ENGINE_SLOPES] = (int64_t)model.slopes;
+    c[ENGINE_GRID] = model.grid;
+    c[ENGINE_CLOCKS] = (int64_t)model.clocks;
+    c[ENGINE_N_CLOCKS] = model.n_clocks;
 }
 
 Instance *instance_new(const char *name, const char *token, Interface interface) {
@@ -76,7 +79,7 @@ void instance_reset(Instance *i) {
     }
     memset(&i->at, 0, sizeof i->at);
     i->at.phase = INSTANTIATED;
-    i->at.step = model.step;
+    i->at.tick = model.tick;
     i->at.calculate_stale = i->at.outputs_stale = i->at.derivatives_stale = 1;
 }
 

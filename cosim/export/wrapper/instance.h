@@ -44,11 +44,11 @@ typedef struct {
     uint8_t stop_defined;
     double time;         /* as the importer counts it (s) */
     double start, stop;
-    double origin;       /* the grid of inner steps: step k is at origin + (k - origin_step) * step */
-    double step;
-    int64_t origin_step;
-    int64_t k;           /* the inner step, or the last sample instant in Model Exchange */
-    int64_t next;        /* Model Exchange: the next sample instant */
+    double origin;       /* the grid of inner steps: tick k is at origin + (k - origin_tick) * tick */
+    double tick;
+    int64_t origin_tick;
+    int64_t k;           /* the tick of the inner step, or of the last sample instant in Model Exchange */
+    int64_t next;        /* Model Exchange: the tick of the next sample instant */
     uint64_t discrete;   /* Model Exchange: a hash of the discrete outputs when Event Mode was left */
 } Progress;
 

@@ -62,6 +62,8 @@ typedef struct {
 typedef struct {
     const char *token; /* FMI 2 guid, FMI 3 instantiationToken */
     double step;       /* the communication step of the diagram (s), the longest inner step */
+    double tick;       /* what the step and all periods are multiples of (s) */
+    int64_t grid;      /* the communication step, in ticks */
 
     uint64_t arena_bytes;
     const Segment *segments;
@@ -80,8 +82,8 @@ typedef struct {
 
     const Started *started;
     uint32_t n_started;
-    const int64_t *periods; /* of sampled blocks, in steps */
-    uint32_t n_periods;
+    uint64_t clocks; /* of sampled blocks, in the arena, as layout.h has them */
+    uint32_t n_clocks;
 
     const Variable *variables;
     uint32_t n_variables;
