@@ -27,6 +27,7 @@ import numpy as np
 
 from cosim.compiling import compiler
 from cosim.engine import probes, run, tables
+from cosim.engine.histories import FRESH, HISTORY_WORDS, ROOM, TO, WORDS, words
 from cosim.engine.layout import VECTORS
 from cosim.engine.simulation import Simulation
 from cosim.export import build, exporter
@@ -81,6 +82,10 @@ def fence(one: Simulation) -> None:
     spans += [(layout.vectors[name], 8 * layout.states) for name in VECTORS]
     spans += [(row[tables.TABLEAU], 8 * row[tables.STAGES] * (HEAD + row[tables.STAGES])) for row in program.banks]
     spans.append((program.clocks, 8 * tables.CLOCK_WORDS * len(program.network.schedule.clocks)))
+    for history in layout.histories.values():
+        head = one.arena[history : history + 8 * HISTORY_WORDS].view(np.int64)
+        spans.append((history, 8 * words(head[ROOM], head[WORDS])))
+        spans += [(head[place], 8 * head[WORDS]) for place in (TO, FRESH)]
     for call in program.calls:
         component = program.network.components[call.component]
         spans.append((call.frame, 8 * (6 + len(component.axes) + 2 * len(call.arguments))))
@@ -94,8 +99,8 @@ def fence(one: Simulation) -> None:
     for row in copies:
         for begin in (row[tables.A], row[tables.B]):
             owned[begin : begin + 8 * row[tables.C]] = True
-    for begin, words in program.layout.published.values():
-        owned[begin : begin + 8 * words] = True  # the padding between them is read, and is zero
+    for begin, count in program.layout.published.values():
+        owned[begin : begin + 8 * count] = True  # the padding between them is read, and is zero
     library = ctypes.CDLL(None)
     for begin, end in _runs(~owned):
         library.__asan_poison_memory_region(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.engine import faults, tables
-from cosim.engine.layout import Place
+from cosim.engine.allocation import Place
 from cosim.engine.writer import Call
 
 TEXT_BYTES = 1024  # of what a function that raised says

@@ -7,16 +7,16 @@ variable and the members of a fleet lie is decided here, and known by a `Place` 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from cosim.authoring.declaration import variable_of
 from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter, State, Variable
+from cosim.engine import inputs
+from cosim.engine.allocation import Allocation, Place
 from cosim.integrators import INTEGRATORS
-from cosim.machine.memory import ALIGNMENT, private
 from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Network, Signal
 
@@ -30,45 +30,24 @@ UNWRITTEN: dict[Any, Any] = {
 VECTORS = ("X", "W", "BEGUN", "SUM", "D")
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a variable lives: offset of its first instance, bytes from one instance to the next (0: shared)."""
-
-    offset: int
-    stride: int
-    shape: tuple[int, ...]
-    dtype: np.dtype
-
-    def view(self, arena: np.ndarray, instance: int = 0) -> np.ndarray:
-        """The variable of one instance, as a view into an arena."""
-        return np.ndarray(self.shape, self.dtype, arena.data, self.offset + instance * self.stride)
-
-    def moved(self, bytes_: int) -> Place:
-        """The same, so many bytes further on."""
-        return Place(self.offset + bytes_, self.stride, self.shape, self.dtype)
-
-
-class Layout:
+class Layout(Allocation):
     """A place for every variable of a network.
 
-    places: by signal; next: of discrete states after the next update; scratch: of outputs that derivatives read, inside
-    an integration; integrated: of continuous states that are held where others see them. given: offsets and instances
-    of the values that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
+    next: of discrete states after the next update; scratch: of outputs that derivatives read, inside an integration;
+    integrated: of continuous states that are held where others see them. given: offsets and instances of the values
+    that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
     derivatives. states: the size of each. published: offset and count, by type, of numbers that have to be finite,
     besides the states. changing: bytes of the state segment; then come the constants.
     """
 
     def __init__(self, network: Network) -> None:
-        self.network = network
-        self.size = 0
-        self.places: dict[Signal, Place] = {}
+        super().__init__(network)
         self.next: dict[Signal, Place] = {}
         self.scratch: dict[Signal, Place] = {}
         self.integrated: dict[Signal, Place] = {}
         self.given: dict[Signal, list[tuple[int, int]]] = {}
         self.vectors: dict[str, int] = {}
         self.published: dict[str, tuple[int, int]] = {}
-        self._first: list[tuple[int, np.ndarray]] = []  # what the arena starts with
         self._lay_out_states()
         self._lay_out_published()
         components = self.network.components.values()
@@ -76,39 +55,13 @@ class Layout:
             self._lay_out_hidden(component)
         for component in components:
             for port in component.wires:
-                self._connect(component, port)
+                inputs.connect(self, component, port)
+            for port in component.couplings:
+                inputs.remember(self, component, port)
         self.changing = self.allocate(0)
         for component in components:
             for parameter in component.declaration.of(Parameter):
                 self._lay_out(component, parameter, dense=False)
-
-    def arena(self) -> np.ndarray:
-        """The arena as a run begins with it."""
-        arena = private(self.size)
-        for offset, data in self._first:
-            arena[offset : offset + data.nbytes] = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
-        return arena
-
-    def allocate(self, size: int, alignment: int = ALIGNMENT) -> int:
-        """The offset of so many bytes that are nobody's yet."""
-        offset = -(-self.size // alignment) * alignment
-        self.size = offset + -(-size // 8) * 8
-        return offset
-
-    def constant(self, content: np.ndarray) -> int:
-        """The offset of a constant."""
-        offset = self.allocate(content.nbytes)
-        self._first.append((offset, content))
-        return offset
-
-    def bytes_of(self, signal: Signal) -> int:
-        """The size of a signal over all instances."""
-        return int(np.prod(self.network.shape(signal))) * self.places[signal.whole].dtype.itemsize
-
-    def offset_of(self, signal: Signal) -> int:
-        """Where a signal begins, which may be some members of a variable."""
-        shape, whole = self.network.shape(signal.whole), self.places[signal.whole]
-        return whole.offset + signal.first * int(np.prod(shape[1:])) * whole.dtype.itemsize
 
     def argument(self, component: Component, name: str, stage: bool, hidden: bool) -> Place | None:
         """Where a function finds what it names, None for `time`.
@@ -167,7 +120,7 @@ class Layout:
             if component.is_sampled:
                 signal = Signal(component.name, state.name)
                 self.integrated[signal] = self.places[signal]
-                self._place(component, state, self._store(component, state, component.count))
+                self._place(component, state, self.store(component, state, component.count))
 
     def _lay_out_published(self) -> None:
         """The variables, those side by side that have to be finite."""
@@ -186,40 +139,16 @@ class Layout:
             return
         given = component.values.get(variable.name)
         shared = isinstance(variable, (Parameter, Input)) and given is not None and len(given) == 1
-        self._place(component, variable, self._store(component, variable, 1 if shared else component.count, dense))
+        self._place(component, variable, self.store(component, variable, 1 if shared else component.count, dense))
 
     def _lay_out_hidden(self, component: Component) -> None:
         """What nobody outside sees: the next values of discrete states, the outputs inside an integration."""
         for state in component.declaration.discrete():
-            self.next[Signal(component.name, state.name)] = self._store(component, state, component.count)
+            self.next[Signal(component.name, state.name)] = self.store(component, state, component.count)
         for name in sorted({name for f in order.needed_outputs(component) for name in f.writes}):
             variable = component.declaration.variables[name]
-            self.scratch[Signal(component.name, name)] = place = self._store(component, variable, component.count)
+            self.scratch[Signal(component.name, name)] = place = self.store(component, variable, component.count)
             self._mark(component, variable, place.offset)
-
-    def _connect(self, component: Component, port: str) -> None:
-        """The place of a wired input: its source's own memory, or new memory where several sources are joined."""
-        variable = component.declaration.variables[port]
-        shape = component.shape(variable)
-        rank = max(len(self.network.shape(source)) for source in component.wires[port])
-        if component.is_joined(port):
-            several = isinstance(component.entry.inputs[port].value, list)
-            # else all members read all of what is joined
-            mapped = (max(1, rank) if several else rank) == len(shape) + 1
-            place = self._store(component, variable, component.count if mapped else 1)
-            self.allocate(8)  # copies are of whole words, and the last one may end in the middle of one
-        else:
-            mapped = component.fleet is not None and rank == len(shape) + 1
-            offset = self.offset_of(component.wires[port][0])
-            place = Place(offset, component.nbytes(variable) if mapped else 0, shape, variable.dtype)
-        self.places[Signal(component.name, port)] = place
-
-    def _store(self, component: Component, variable: Variable, instances: int, dense: bool = False) -> Place:
-        """New memory for a variable; dense: small ones side by side."""
-        size = component.nbytes(variable)
-        stride = size if instances > 1 else 0
-        alignment = 8 if dense and size * instances < ALIGNMENT else ALIGNMENT
-        return Place(self.allocate(size * instances, alignment), stride, component.shape(variable), variable.dtype)
 
     # ---- what stands there at first ----
 
@@ -231,7 +160,7 @@ class Layout:
             instances = component.count if place.stride else 1
             self.given.setdefault(signal, []).append((place.offset, instances))
             full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
-            self._first.append((place.offset, np.array(full, variable.dtype)))
+            self.first.append((place.offset, np.array(full, variable.dtype)))
         elif isinstance(variable, (Output, CalculatedParameter, Local)):
             self._mark(component, variable, place.offset)
 
@@ -249,14 +178,7 @@ class Layout:
         if variable.finite and variable.dtype in UNWRITTEN and not component.declaration.foreign:
             mark = UNWRITTEN[variable.dtype]
             size = component.count * component.nbytes(variable) // mark.itemsize
-            self._first.append((offset, np.full(size, mark)))
-
-
-def copy_of(arena: np.ndarray, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
-    """Another arena with the same content, in memory that `zeros` gives."""
-    new = zeros(arena.size)
-    new[:] = arena
-    return new
+            self.first.append((offset, np.full(size, mark)))
 
 
 def _stages(network: Network) -> int:

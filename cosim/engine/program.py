@@ -7,7 +7,7 @@ The meaning of a step. At the communication point k, the time is t = k h, and ev
     EVALUATE   outputs and locals, in the order of direct feedthrough, each as a function of t, x(t) and its inputs
     SETTLE     foreign blocks end their events with these inputs; if one had an event, EVALUATE and SETTLE once more
                probes copy what is published
-    UPDATE     sampled blocks that are due compute x⁺ from what is published, which stays
+    UPDATE     sampled blocks that are due compute x⁺ from what is published, which stays; histories take it
     ADVANCE    the method takes continuous states and foreign blocks from t to t + h: see its file in `methods/`
 
 Before the first step, CALCULATE has the calculated parameters, and START the start functions and the outputs at time
@@ -23,7 +23,8 @@ import numpy as np
 
 from cosim.authoring.variables import Input, Parameter
 from cosim.engine import newton, tables
-from cosim.engine.layout import Layout, Place, copy_of
+from cosim.engine.allocation import Place, copy_of
+from cosim.engine.layout import Layout
 from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.wiring import order
@@ -187,4 +188,6 @@ def _write_updates(writer: Writer) -> None:
         writer.call_kind(component, "update", writer.clock(component))
         if not order.has_turn(component):
             writer.call_kind(component, "step")
+        for port in component.couplings:
+            writer.remember(component, port)
     writer.phase("UPDATE", begin)

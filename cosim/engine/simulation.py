@@ -16,9 +16,9 @@ import numpy as np
 
 from cosim.authoring.foreign import LoopWords, Part
 from cosim.engine import failures, hosts, tables
+from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
 from cosim.engine.compilation import Kernels
-from cosim.engine.layout import copy_of
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
 from cosim.errors import CosimError

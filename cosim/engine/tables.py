@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from cosim.engine.histories import push, trace
 from cosim.machine.memory import call, words_at
 
 # Status of a call and of a run: FMI's, and two more.
@@ -22,8 +23,9 @@ PHASE_WORDS = 2
 ROW_WORDS = 6
 ROW_BYTES = 8 * ROW_WORDS
 KIND, A, B, C, CLOCK, AT_END = range(ROW_WORDS)
-CALL, COPY, INTEGRATE, SOLVE = range(4)
-# Operands: function, frame | to, from, words | bank | offset of the unknowns, how many rows that follow evaluate them.
+CALL, COPY, INTEGRATE, SOLVE, PUSH, TRACE = range(6)
+# Operands: function, frame | to, from, words | bank | offset of the unknowns, how many rows that follow evaluate them |
+# offset of a history, which takes a sample, or gives the input its value: see `histories`.
 
 # The unknowns of an algebraic loop: blocks of equations that do not depend on each other, how many equations each has,
 # pieces of memory in which the unknowns lie, and the offset of work space; then the pieces: offset, bytes from one
@@ -102,15 +104,19 @@ def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float)
         if clock != 0 and words_at(clocks + clock * CLOCK_WORDS * 8, CLOCK_WORDS)[DUE] == 0:
             continue
         c[AT] = o
+        now = later if row[AT_END] != 0 else time
         if row[KIND] == CALL:
-            now = later if row[AT_END] != 0 else time
             status = call(words_at(functions + row[A] * 8, 1)[0], now, base, base + row[B])
             if status != OK:
                 if status > WARNING:
                     return status
                 c[WARNINGS] += 1
-        else:
+        elif row[KIND] == COPY:
             copy(base + row[A], base + row[B], row[C])
+        elif row[KIND] == TRACE:
+            trace(base, row[A], now)
+        else:
+            push(base, row[A], now)
     return OK
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from cosim.authoring.declaration import Function
 from cosim.compiling.frame import frame_of
 from cosim.engine import tables
-from cosim.engine.layout import Layout, Place
+from cosim.engine.allocation import Place
+from cosim.engine.layout import Layout
 from cosim.integrators import INTEGRATORS
 from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
@@ -147,7 +148,7 @@ class Writer:
             if task.function:
                 self.call(component, self.network.function(task), at_end=at_end, clock=clock)
             else:
-                self._join(component, task.port, clock if component.samples_inputs else 0)
+                self._bring(component, task.port, clock if component.samples_inputs else 0, at_end, first)
 
     def _solve(self, loop_: Loop, at_end: bool, first: bool) -> None:
         """Solve an algebraic loop: a row for it, then those that evaluate it. first: as there is only one solution."""
@@ -157,12 +158,35 @@ class Writer:
         self.tasks(loop_.tasks, at_end, first)
         self.rows[row][tables.B] = len(self.rows) - row - 1
 
-    def _join(self, component: Component, port: str, clock: int) -> None:
-        to = self.layout.places[Signal(component.name, port)].offset
+    def _bring(self, component: Component, port: str, clock: int, at_end: bool, first: bool) -> None:
+        """Give an input of its own memory what it reads. What is read late begins with its start value."""
+        signal = Signal(component.name, port)
+        if component.is_late(port) and not first:
+            self._row(tables.TRACE, self.layout.histories[signal], clock=clock, at_end=at_end)
+        elif not (component.is_late(port) and port in component.given):
+            self._join(component, port, self.layout.places[signal].offset, clock)
+
+    def _join(self, component: Component, port: str, to: int, clock: int = 0) -> None:
         for source in component.wires[port]:
             size = self.layout.bytes_of(source)
             self.copy(to, self.layout.offset_of(source), size, clock)
             to += size
+
+    # ---- histories ----
+
+    def remember(self, component: Component, port: str, at_end: bool = False) -> None:
+        """Keep what a wire brings now, for an input that is read late or extrapolated."""
+        signal = Signal(component.name, port)
+        if component.is_late(port):
+            self._join(component, port, self.layout.fresh[signal].offset)
+        elif at_end:
+            self._join(component, port, self.layout.places[signal].offset)
+        self._row(tables.PUSH, self.layout.histories[signal], at_end=at_end)
+
+    def recall(self, component: Component, at_end: bool = False) -> None:
+        """Give the inputs that are read late or extrapolated their values at the time of a stage."""
+        for port in component.couplings if not component.samples_inputs else ():
+            self._row(tables.TRACE, self.layout.histories[Signal(component.name, port)], at_end=at_end)
 
     def _row(self, kind: int, a: int, b: int = 0, c: int = 0, clock: int = 0, at_end: bool = False) -> None:
         self.rows.append([kind, a, b, c, clock, int(at_end)])
@@ -183,6 +207,7 @@ class Writer:
     def stage(self, component: Component, hidden: bool) -> Range:
         """A component's derivatives at a stage; hidden: its states are not where the published ones are."""
         begin = self.begin()
+        self.recall(component)
         for function in (*order.needed_outputs(component), *component.declaration.kind("derivatives")):
             self.call(component, function, stage=True, hidden=hidden)
         return self.end(begin)

@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, Period, State, Unit, Variable
 from cosim.engine import program, tables
-from cosim.engine.layout import Place
+from cosim.engine.allocation import Place
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError

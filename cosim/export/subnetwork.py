@@ -50,7 +50,8 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
         values = component.values | {signal.variable: v for signal, v in opened.items() if signal.component == name}
         computed = {v for f in component.declaration.kind("start") for v in f.writes}
         started |= {Signal(name, state): state in component.given for state in computed}
-        component = replace(component, wires=kept, values=values, given=component.given - computed)
+        couplings = {port: coupling for port, coupling in component.couplings.items() if port in kept}
+        component = replace(component, wires=kept, couplings=couplings, values=values, given=component.given - computed)
         components[name] = _member(component, member - 1) if fleet else component
     cut = order.ordered(Network(network.diagram, components))
     if loop := next((item for item in cut.evaluation if isinstance(item, Loop)), None):

@@ -44,6 +44,7 @@ class RunSettings:
     stop: float
     step: float
     method: str
+    extrapolation: int
     integrator: str
     inner_steps: int
     patience: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, replace
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import Position, UnknownKey, WrongValue, nearest
-from cosim.language.keys import BLOCK, NATIVE, TYPES, read_named, read_value
+from cosim.language.keys import BLOCK, NATIVE, TYPES, WIRE, read_named, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node
 
@@ -146,10 +147,32 @@ def _drop(entry: BlockEntry, drop: Node, reader: Reader) -> None:
             reader.problems.add(WrongValue(message, node.position, fix))
 
 
+def _wire(node: Node, where: str, reader: Reader) -> Node | None:
+    """What a wire reads, with the rest of what is said of it beside."""
+    if not isinstance(node.value, dict):
+        return node
+    source = node.value.get("from")
+    if source is None:
+        reader.missing(node, f"`{where}` does not say what is read", "write {from: block.port, …}")
+        return None
+    others = {key: child for key, child in node.value.items() if key != "from"}
+    values = {key: read_value(WIRE[key], child, f"{where}.{key}", reader) for key, child in others.items()}
+    beside = {key: replace(child, value=values[key]) for key, child in others.items() if not _is_mistake(values[key])}
+    return replace(node, value=source.value, position=source.position, beside=beside)
+
+
+def _is_mistake(value: Any) -> bool:
+    """Whether a value stands for one that could not be read, which is told."""
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
+
 def _take(entry: BlockEntry, key: str, node: Node, reader: Reader) -> None:
     """Keep what a key of a block says."""
     where = f"blocks.{entry.name}.{key}"
+    if key == "inputs":
+        wires = {port: _wire(wire, f"{where}.{port}", reader) for port, wire in node.value.items()}
+        node = replace(node, value={port: wire for port, wire in wires.items() if wire})
     if BLOCK[key].below:
         setattr(entry, key, read_named(BLOCK[key], node.value, where, reader))
-    elif (value := read_value(BLOCK[key], node, where, reader)) is not None:
+    elif not _is_mistake(value := read_value(BLOCK[key], node, where, reader)):
         entry.settings[key] = replace(node, value=value)

@@ -41,7 +41,8 @@ def conform(
         where = f"{name}.{key}".strip(".")
         layered = over or (name == "blocks" and "/" in key)  # what is said of a block inside a diagram lies over it
         if child.value is not None:
-            entries[key] = conform(child, problems, declared.below, where, layered or declared.layer)
+            below = declared.below if declared.type is None or isinstance(child.value, dict) else {}
+            entries[key] = conform(child, problems, below, where, layered or declared.layer)
         elif layered and not child.blank:
             entries[key] = child
         elif not child.blank:

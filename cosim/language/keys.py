@@ -20,6 +20,7 @@ TYPES = ("block", "python", "fmu", "diagram")
 NATIVE = ("block", "python", "fmu")
 METHODS = ("jacobi", "gauss-seidel", "joint")
 REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
+MOST_EXTRAPOLATION = 2
 MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
 
 
@@ -43,6 +44,8 @@ class Type:
 @dataclass(frozen=True)
 class Key:
     """A key of the YAML. below: the keys of a section, ANY for names that the user gives; none for a value.
+
+    With both a type and something below it, it is either.
 
     kinds: of block that it goes with. example: of what to write where it is missing. layer: what stands below lies over
     another tree, where `~` takes away what that says.
@@ -72,6 +75,7 @@ def count(most: int = MOST) -> Type:
     return Type(lambda reader, node, where, _: reader.count(node, where, most), words)
 
 
+EXTRAPOLATION = Type(lambda reader, node, where, _: reader.order(node, where, MOST_EXTRAPOLATION), "0 | 1 | 2")
 TEXT = Type(lambda reader, node, where, _: reader.text(node, where) or None, "text")
 TRUTH = Type(lambda reader, node, where, _: reader.truth(node, where), "true or false")
 NUMBER = Type(lambda reader, node, where, default: reader.number(node, where, default), "number")
@@ -123,6 +127,12 @@ NAMED = {ANY: Key("", ANYTHING)}
 
 # ---- the keys ----
 
+WIRE: dict[str, Key] = {
+    "from": Key("what is read, where more is said of the wire than that", SOURCES, example="block.port"),
+    "delay": Key("how long ago; from the step on", POSITIVE, unit="s"),
+    "extrapolation": Key("order of what is read between two communication points", EXTRAPOLATION),
+}
+
 BLOCK: dict[str, Key] = {
     "block": Key("a block type of the library, see `cosim blocks`", TEXT),
     "python": Key("a block type of your own, file.py:Class", TEXT),
@@ -131,7 +141,7 @@ BLOCK: dict[str, Key] = {
     "per": Key("the fleet for each of whose members there is one", TEXT),
     "parameters": Key("values, by parameter", below={ANY: Key("", DATA)}),
     "start": Key("start values, by state or input", below={ANY: Key("", DATA)}),
-    "inputs": Key("what each input reads", below={ANY: Key("", SOURCES)}),
+    "inputs": Key("what each input reads", below={ANY: Key("", SOURCES, below=WIRE)}),
     "dimensions": Key("sizes, by dimension", below={ANY: Key("", SIZE)}),
     "period": Key("how often it is due; between, its outputs are held", POSITIVE, unit="s", kinds=NATIVE),
     "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=NATIVE),
@@ -146,6 +156,7 @@ RUN: dict[str, Key] = {
     "stop": Key("when it ends", POSITIVE, unit="s", example="30"),
     "step": Key("the communication step", POSITIVE, unit="s", example="1.0e-3"),
     "method": Key("how blocks are coupled", choice(METHODS), "jacobi"),
+    "extrapolation": Key("order of what blocks read between two communication points", EXTRAPOLATION, 0),
     "integrator": Key("of continuous states", choice(INTEGRATORS), "euler"),
     "inner_steps": Key("in how many steps of theirs a step is integrated", count(MOST_INNER_STEPS), 1),
     "patience": Key("how long a call of an FMU may give no sign of life", POSITIVE, 10.0, unit="s"),

@@ -96,6 +96,15 @@ class Reader:
             return 1
         return round(value)
 
+    def order(self, node: Node, name: str, most: int) -> int:
+        """A whole number from zero."""
+        value = self.number(node, name, 0.0)
+        if value not in range(most + 1):
+            fix = f"one of: {', '.join(map(str, range(most + 1)))}"
+            self.wrong(node, f"`{name}` must be a whole number from 0 to {most}, not {describe(node)}", fix, WrongValue)
+            return 0
+        return int(value)
+
     def endpoint(self, node: Node, name: str) -> bool:
         """Whether the value has the form `block.port`, else a report."""
         if isinstance(node.value, str):

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -51,6 +51,7 @@ class Node:
     value: str, int, float, bool, None, list[Node] or dict[str, Node]. inherited: written for a block type that a
     later layer has replaced, so that it counts only where the new type declares it. replaces: for a block's type, the
     one that it replaces, as kind and name. blank: a key without a value, where `~` would say that there is to be none.
+    beside: of a wire, what it says besides the source.
     """
 
     value: Any
@@ -59,6 +60,7 @@ class Node:
     inherited: bool = False
     replaces: tuple[str, Node] | None = None
     blank: bool = False
+    beside: Mapping[str, Node] = field(default_factory=dict)
 
     @property
     def place(self) -> Position:
@@ -67,6 +69,9 @@ class Node:
 
     def plain(self) -> Any:
         """The value alone, without places."""
+        if self.beside:
+            source = replace(self, beside={})
+            return {"from": source.plain(), **{key: node.plain() for key, node in self.beside.items()}}
         if isinstance(self.value, dict):
             return {key: node.plain() for key, node in self.value.items()}
         if isinstance(self.value, list):

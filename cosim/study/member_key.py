@@ -11,6 +11,7 @@ import json
 import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -47,7 +48,7 @@ IGNORED: dict[type, set[str]] = {
     Dimension: {"description"},
 }
 """For each class the fields on which no figure depends, or that are in the key by another way."""
-IN_COMPONENT = {"per", "period", "integrator", "inner_steps"}
+IN_COMPONENT = {"per", "period", "offset", "integrator", "inner_steps"}
 """The settings of a block that are in the component, where it does not matter who said so."""
 
 _NO_FIGURES = ("plot", "report", "terminal")
@@ -127,7 +128,7 @@ def _feed(digest: Any, value: Any) -> None:
             known.remove("settings")
             _feed(digest, {name: node for name, node in value.settings.items() if name not in IN_COMPONENT})
         _feed(digest, [type(value).__name__, {name: getattr(value, name) for name in known}])
-    elif value is None or isinstance(value, str | bool | int | float | np.generic | np.dtype):
+    elif value is None or isinstance(value, str | bool | int | float | Fraction | np.generic | np.dtype):
         digest.update(f"{type(value).__name__} {value!r} ".encode())
     else:
         raise TypeError(f"a {type(value).__name__} cannot be part of a member's key")

@@ -37,6 +37,11 @@ class Schedule:
     grid: int
     clocks: tuple[Clock, ...]
 
+    def most_points(self, time: Fraction) -> int:
+        """At how many communication points the master stops at most within a time (s), both ends included."""
+        periods = [self.grid * self.tick, *(clock.period for clock in self.clocks)]
+        return sum(time // period + 1 for period in periods)
+
     def ticks(self, time: Fraction) -> int:
         """A time (s) that is due, in ticks."""
         count = time / self.tick

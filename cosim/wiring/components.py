@@ -25,6 +25,22 @@ def draft_all(draft: Draft) -> None:
         elif entry.name not in draft.diagram.unread:
             draft.problems.attempt(_draft, draft, entry)
     draft.absent.report_fleets(draft.diagram.fleets, draft.problems)
+    _check_ticks(draft)
+
+
+def _check_ticks(draft: Draft) -> None:
+    """A WrongValue for the first clock that leaves no tick of which a run has a countable number."""
+    run, clocks = draft.diagram.run, list[Clock]()
+    for component in draft.components.values():
+        if component.clock and component.clock not in clocks:
+            clocks.append(component.clock)
+            longest = max(exact(run.stop), *(clock.period + clock.offset for clock in clocks))
+            if longest >= MOST_TICKS * schedule(run.step, clocks).tick:
+                message = f"block {component.name}: {component.clock} has no common measure with the rest"
+                place = component.entry.settings["period"].position
+                fix = f"such as a multiple of {run.step:g}, or a fraction such as 1/3"
+                draft.problems.add(WrongValue(message, place, fix))
+                return
 
 
 def _draft(draft: Draft, entry: BlockEntry) -> None:
@@ -60,14 +76,11 @@ def _sample(component: Component, run: RunSettings) -> None:
     """Raises: WrongValue, MissingParameter."""
     given, declaration = component.entry.settings, component.declaration
     period, offset = given.get("period"), given.get("offset")
-    if any(math.isnan(time) for time in (run.step, run.stop, period.value if period else 0.0)):
+    if math.isnan(run.step) or math.isnan(run.stop):
         return  # a mistake that is told
     if period:
         start = exact(offset.value, run.step) if offset else Fraction(0)
         component.clock = Clock(exact(period.value, run.step), start)
-        if max(component.clock.period, exact(run.stop)) >= MOST_TICKS * schedule(run.step, [component.clock]).tick:
-            message = f"block {component.name}: {component.clock} and run.step = {run.step:g} s have no common measure"
-            raise WrongValue(message, period.position, f"such as a multiple of {run.step:g}, or a fraction such as 1/3")
     elif offset:
         message = f"block {component.name}: an `offset` is that of a `period`, and there is none"
         raise WrongValue(message, offset.key_position, "write `period` (s) too")

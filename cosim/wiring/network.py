@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
 from typing import TypeGuard
 
@@ -95,6 +96,14 @@ class Finding:
         return f"{self.name}: {self.numbers}" if self.numbers else self.name
 
 
+@dataclass(frozen=True)
+class Coupling:
+    """How an input is read: as it was so long ago (s), or extrapolated to an order between communication points."""
+
+    delay: Fraction = Fraction(0)
+    order: int = 0
+
+
 @dataclass
 class Component:
     """One block of a diagram, wired. Values have the shape (instances or 1, *shape of the variable).
@@ -111,6 +120,7 @@ class Component:
     values: dict[str, np.ndarray] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
+    couplings: dict[str, Coupling] = field(default_factory=dict)
     clock: Clock | None = None
     integrator: str = "euler"
     inner_steps: int = 1
@@ -153,10 +163,10 @@ class Component:
     def is_joined(self, port: str) -> bool:
         """Whether an input is copied to memory of its own.
 
-        So is what several sources bring along a fleet, what is sampled, and an output of the same block, which the
-        function that reads it may be about to write.
+        So is what several sources bring along a fleet, what is sampled, read late or extrapolated, and an output of the
+        same block, which the function that reads it may be about to write.
         """
-        if self.samples_inputs:
+        if self.samples_inputs or port in self.couplings:
             return True
         own = [source.variable for source in self.wires.get(port, ()) if source.component == self.name]
         outputs = [name for name in own if not isinstance(self.declaration.variables[name], State)]
@@ -166,6 +176,10 @@ class Component:
         """What is behind a name in a function: the one source of an input, else the component's own variable."""
         wires = self.wires.get(name, ())
         return wires[0].whole if wires and not self.is_joined(name) else Signal(self.name, name)
+
+    def is_late(self, port: str) -> bool:
+        """Whether an input is what was there some time ago."""
+        return port in self.couplings and self.couplings[port].delay > 0
 
     def counts_members(self, dimension: int | str) -> TypeGuard[str]:
         """Whether a dimension is the size of a fleet."""
@@ -236,6 +250,11 @@ class Network:
         """What a task writes; a join, its port."""
         names = sorted(self.function(task).writes) if task.function else [task.port]
         return [Signal(task.component, name) for name in names]
+
+    def flows(self, component: Component, port: str) -> bool:
+        """Whether what an input reads is real and changes between two samples, so that there are values in between."""
+        sources = (self.components[source.component] for source in component.wires[port])
+        return component.declaration.variables[port].dtype == np.float64 and not any(s.is_sampled for s in sources)
 
     def shape(self, signal: Signal) -> tuple[int, ...]:
         """The shape of a signal over all instances."""

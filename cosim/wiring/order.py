@@ -49,11 +49,15 @@ def needed_outputs(component: Component) -> list[Function]:
 
 @dataclass(frozen=True)
 class Turn:
-    """A block's turn under Gauss-Seidel: what is evaluated anew, at the later time, before it steps, and after."""
+    """A block's turn under Gauss-Seidel: what is evaluated anew, at the later time, before it steps, and after.
+
+    newest: the inputs that are extrapolated of which all is known at the later time already.
+    """
 
     component: str
     before: tuple[Task | Loop, ...]
     after: tuple[Task | Loop, ...]
+    newest: tuple[str, ...]
 
 
 def has_turn(component: Component) -> bool:
@@ -85,8 +89,9 @@ def turns(network: Network, order: Sequence[Task | Loop]) -> list[Turn]:
 
     for name in ways.sequence():
         before = ways.whole(stale(name))
+        newest = tuple(port for port in ways.extrapolated(name) if ways.origin(name, port) <= stepped | {_TIME})
         stepped.add(name)
-        result.append(Turn(name, before, ways.whole((*stale(name), *ways.own.get(name, ())))))
+        result.append(Turn(name, before, ways.whole((*stale(name), *ways.own.get(name, ()))), newest))
     return result
 
 
@@ -109,12 +114,21 @@ class _Ways:
         self.origins: dict[Task, set[str]] = {}  # of tasks without a turn: the blocks, and the time
         for item in order:  # what a task of a loop depends on, all of them do
             free = [task for task in flat([item]) if self._is_free(task)]
-            found = self._origins([signal for task in free for signal in network.read(task)])
+            found = self._origins([signal for task in free for signal in self._read(task)])
             self.origins.update(dict.fromkeys(free, found))
 
     def whole(self, tasks: Iterable[Task]) -> tuple[Task | Loop, ...]:
         """The same with every loop, of which there is a task, once, in the place of its first."""
         return tuple(dict.fromkeys(self.loops.get(task, task) for task in tasks))
+
+    def _read(self, task: Task) -> list[Signal]:
+        """What a task reads at one instant: where it is read late, nothing but the time."""
+        late = not task.function and self.network.components[task.component].is_late(task.port)
+        return [Signal(task.component, "time")] if late else self.network.read(task)
+
+    def _brought(self, component: Component) -> list[Signal]:
+        """What a component's inputs read at one instant."""
+        return [s.whole for port, sources in component.wires.items() if not component.is_late(port) for s in sources]
 
     def _is_free(self, task: Task) -> bool:
         component = self.network.components[task.component]
@@ -137,14 +151,22 @@ class _Ways:
     def before(self, name: str) -> list[Task]:
         """The tasks without a turn that a block reads the results of, and its own joins, in the order of evaluation."""
         component = self.network.components[name]
-        waiting = [s.whole for sources in component.wires.values() for s in sources]
-        found = {*self.joins.get(name, ())}
+        waiting = self._brought(component)
+        found = {task for task in self.joins.get(name, ()) if task.port not in self.extrapolated(name)}
         while waiting:
             task = self.writers.get(waiting.pop())
             if task in self.origins and task not in found:
                 found.add(task)
-                waiting += self.network.read(task)
+                waiting += self._read(task)
         return sorted(found, key=self.place.__getitem__)
+
+    def extrapolated(self, name: str) -> list[str]:
+        """The inputs of a block that are extrapolated; its turn says when they take what is new."""
+        return [port for port, coupling in self.network.components[name].couplings.items() if coupling.order]
+
+    def origin(self, name: str, port: str) -> set[str]:
+        """The blocks with a turn on which an input depends."""
+        return self._origins([source.whole for source in self.network.components[name].wires[port]])
 
     def sequence(self) -> list[str]:
         """The order of the turns: a block after those that it reads. A ring is entered at a block without feedthrough.
@@ -181,7 +203,7 @@ class _Ways:
 
     def _read_by(self, name: str) -> set[str]:
         component = self.network.components[name]
-        direct = self._origins([s.whole for sources in component.wires.values() for s in sources])
+        direct = self._origins(self._brought(component))
         return direct.union(*(self.origins.get(task, ()) for task in self.before(name))) - {_TIME}
 
     def _feeds_through(self, name: str) -> bool:
@@ -202,7 +224,8 @@ def _graph(network: Network, starts: bool) -> Graph:
         for port, sources in component.wires.items():
             if component.is_joined(port):
                 before = graph.setdefault(Task(component.name, "", port), {})
-                for source in sources:
+                started = starts and port not in component.given
+                for source in sources if started or not component.is_late(port) else ():
                     before.update(_producers_of(network, source, starts))
     return graph
 

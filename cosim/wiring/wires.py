@@ -24,7 +24,7 @@ def connect(draft: Draft, component: Component) -> None:
         if name in inputs and sources:
             found = [draft.problems.attempt(_source, draft, component, name, source) for source in sources]
             component.wires[name] = tuple(s for s in found if s)
-            draft.problems.attempt(_check_idle_start, component, name, sources[0])
+            draft.problems.attempt(_check_idle_start, component, name, node)
         elif name not in inputs:
             message = f"block {component.name}: {component.declaration.name} has no input `{name}`"
             draft.problems.add(UnknownPort(message, node.key_position, nearest(name, inputs)))
@@ -44,9 +44,12 @@ def _unconnected(component: Component, name: str) -> UnconnectedInput:
 
 
 def _check_idle_start(component: Component, name: str, wire: Node) -> None:
-    """A wired input has its source's value from time zero on; a diagram in a diagram may keep its own start."""
+    """A wired input has its source's value from time zero on; a diagram in a diagram may keep its own start.
+
+    What is read late has its start value until then.
+    """
     start = component.entry.start.get(name)
-    if start is None or ("/" in component.name and start.position.file != wire.position.file):
+    if start is None or "delay" in wire.beside or ("/" in component.name and start.position.file != wire.position.file):
         return
     message = f"block {component.name}: input `{name}` is wired, so that its start value has no effect"
     raise WrongValue(message, start.key_position, f"remove it (an overlay writes `{name}: ~`), or the wire")

@@ -212,7 +212,7 @@ def test_with_problems_the_diagram_is_returned_as_far_as_it_goes(folder):
     problems = Problems()
     write("a.yaml", HEAD + "blocks: {b: {block: B, paramters: {m: 1}, period: 0}, c: {}}\n")
     diagram = load("a.yaml", problems=problems)
-    assert [type(e) for e in problems.errors] == [UnknownKey, MissingKey, WrongValue]
+    assert [type(e) for e in problems.errors] == [UnknownKey, WrongValue, MissingKey]
     assert plain(diagram.blocks["b"].parameters) == {"m": 1}
     assert list(diagram.blocks) == ["b"]
     assert diagram.unread == {"c"}

@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import fields, is_dataclass
+from fractions import Fraction
 from types import FunctionType
 
 import numpy as np
@@ -93,7 +94,7 @@ def altered(value):
     """Another value of the same kind, or of another."""
     if isinstance(value, bool | np.bool_):
         return not value
-    if isinstance(value, int | float):
+    if isinstance(value, int | float | Fraction):
         return value + 1 if np.isfinite(value) else 1.0
     if isinstance(value, str):
         return value + "x"
@@ -151,7 +152,7 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
             object.__setattr__(part, name, old)
             seen.append(f"{kind.__name__}.{name}")
     assert key() == before
-    some = "RunSettings.step Record.period MetricEntry.start Program.rows Call.frame State.start Component.every"
+    some = "RunSettings.step Record.period MetricEntry.start Program.rows Call.frame State.start Clock.period"
     some += " Function.python Place.offset BlockEntry.settings Declaration.compiled Diagram.metrics"
     assert set(some.split()) <= set(seen)
 

@@ -55,7 +55,6 @@ MISTAKES = {
     "no whole number of steps": ("step: 0.1", "step: 0.3", 2, "whole number", ""),
     "sampled, without a period": ("period: 0.2, ", "", 13, "is sampled, and has no `period`", "add `period: 0.1`"),
     "an offset of nothing": ("oscillator: {", "oscillator: {offset: 0.2, ", 12, "that of a `period`", "write `period`"),
-    "no common measure": ("period: 0.2", "period: 1.2345678901234567e-9", 13, "no common measure", "1/3"),
     "bad expression": ("T: [1, 2, 3]", "T: [1, 2, 'pj/3']", 9, "pj", "`pi`"),
     "text for a number": ("step: 0.1", "step: fast", 2, "fast", ""),
     "unknown recording": ("signals: [lag.x]", "signals: [lag.xx]", 14, "has no variable `xx`", "x"),

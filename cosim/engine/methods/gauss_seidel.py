@@ -24,16 +24,20 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     banks = {name: _bank(writer, c) for name, c in components.items() if c.declaration.continuous()}
     begin = writer.begin()
     for turn in order.turns(writer.network, tasks):
+        component = components[turn.component]
         writer.tasks(order.continuous(writer.network, turn.before), at_end=True)
-        writer.call_kind(components[turn.component], "step")
+        for port in turn.newest:
+            writer.remember(component, port, at_end=True)
+        writer.call_kind(component, "step")
         if turn.component in banks:
-            _integrate(writer, components[turn.component], banks[turn.component])
+            _integrate(writer, component, banks[turn.component])
+        writer.recall(component, at_end=True)
         writer.tasks(order.continuous(writer.network, turn.after), at_end=True)
     writer.phase("ADVANCE", begin)
 
 
 def _is_in_place(component: Component) -> bool:
-    return component.takes_one_euler_step and not order.needed_outputs(component)
+    return component.takes_one_euler_step and not order.needed_outputs(component) and not component.couplings
 
 
 def _bank(writer: Writer, component: Component) -> int:
