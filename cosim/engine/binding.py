@@ -93,12 +93,21 @@ class Binding:
         control[tables.GRID] = schedule.grid
         control[tables.CLOCKS], control[tables.N_CLOCKS] = program.clocks, len(schedule.clocks)
         control.view(np.float64)[tables.TICK_SIZE] = float(schedule.tick)
+        self._fill_attempts()
         control[tables.STATES] = program.layout.states
         control[tables.PUBLISHED], control[tables.N_PUBLISHED] = program.layout.published["float64"]
         control[tables.PUBLISHED32], control[tables.N_PUBLISHED32] = program.layout.published["float32"]
         control.view(np.float64)[tables.STEP_SIZE] = program.network.diagram.run.step
         for name, offset in program.layout.vectors.items():
-            control[getattr(loop, name)] = offset
+            control[getattr(tables, name)] = offset
+
+    def _fill_attempts(self) -> None:
+        attempts, control = self._program.attempts, self._control
+        control[tables.ATTEMPTS], control[tables.REPEATS] = attempts.needed, attempts.repeats
+        control[tables.STARTS], control[tables.ROLLBACK] = attempts.starts, attempts.rollback
+        control[tables.HISTORIES], control[tables.N_HISTORIES] = attempts.histories
+        control.view(np.float64)[tables.TOLERANCE] = attempts.tolerance
+        control[tables.PROPOSED] = self._program.network.schedule.grid if attempts.rollback else 1
 
 
 def _forget(handles: Sequence[int]) -> None:

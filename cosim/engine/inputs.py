@@ -1,11 +1,11 @@
-"""Where inputs lie in the arena: at their source, or in memory of their own that a wire fills, if need be with a past."""
+"""Where inputs lie in the arena: at their source, or in memory of their own that a wire fills, with a past or not."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from cosim.engine.allocation import Allocation, Place
-from cosim.engine.histories import MOST_ORDER, head, words
+from cosim.engine.histories import head, words
 from cosim.wiring.clocks import exact
 from cosim.wiring.network import Component, Signal
 
@@ -32,7 +32,7 @@ def remember(memory: Allocation, component: Component, port: str) -> None:
     """The history of an input, empty as yet; what is read late has its own start value until there is one."""
     signal, coupling = Signal(component.name, port), component.couplings[port]
     variable, to = component.declaration.variables[port], memory.places[signal]
-    instances, room, fresh = component.count if to.stride else 1, MOST_ORDER + 1, to
+    instances, room, fresh = component.count if to.stride else 1, coupling.order + 2, to
     if coupling.delay:
         fresh = memory.fresh[signal] = memory.store(component, variable, instances)
         memory.allocate(8)  # as of `connect`
@@ -42,6 +42,6 @@ def remember(memory: Allocation, component: Component, port: str) -> None:
         memory.first.append((to.offset, np.array(start, to.dtype)))
     width = -(-instances * component.nbytes(variable) // 8)
     memory.histories[signal] = memory.allocate(8 * words(room, width))
-    order = coupling.order or int(memory.network.flows(component, port))
-    made = head(to.offset, fresh.offset, width, room, order, float(coupling.delay))
+    between = int(memory.network.flows(component, port)) if coupling.delay else coupling.order + 1
+    made = head(to.offset, fresh.offset, width, room, (coupling.order, between), float(coupling.delay))
     memory.first.append((memory.histories[signal], made))

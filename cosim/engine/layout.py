@@ -37,7 +37,8 @@ class Layout(Allocation):
     integrated: of continuous states that are held where others see them. given: offsets and instances of the values
     that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
     derivatives. states: the size of each. published: offset and count, by type, of numbers that have to be finite,
-    besides the states. changing: bytes of the state segment; then come the constants.
+    besides the states. changing: bytes of the state segment; then come the constants. repeated: the part of it without
+    the histories of inputs, by which a step that is repeated goes better.
     """
 
     def __init__(self, network: Network) -> None:
@@ -56,6 +57,8 @@ class Layout(Allocation):
         for component in components:
             for port in component.wires:
                 inputs.connect(self, component, port)
+        self.repeated = self.allocate(0)
+        for component in components:
             for port in component.couplings:
                 inputs.remember(self, component, port)
         self.changing = self.allocate(0)

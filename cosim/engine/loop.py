@@ -14,55 +14,32 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.newton import solve
+from cosim.engine.attempts import attempt
+from cosim.engine.rows import operate
+from cosim.engine.stepping import advance, next_point, perform, strike, time_at
 from cosim.engine.tables import (
-    ADVANCE,
     AGAIN,
-    BANK_WORDS,
-    BANKS,
-    BEGIN,
-    BEGUN,
+    ATTEMPTS,
     BUFFER,
     CAPACITY,
-    CLOCK_WORDS,
-    CLOCKS,
     CONTROL_WORDS,
-    DUE,
     ELEMENT,
-    END,
     END_ROW,
     ENDED,
     ENDING,
     EVALUATE,
     FILLED,
     FINAL,
-    FIRST_BEGIN,
-    FIRST_END,
     FIRST_ROW,
-    GRID,
     GROUP_EVERY,
     GROUP_WORDS,
     GROUPS,
-    IN_PLACE,
-    INNER_BEGIN,
-    INNER_END,
-    INNER_STEPS,
-    INTEGRATE,
-    KIND,
     LAST,
-    LOOPS,
-    N_CLOCKS,
     N_GROUPS,
     N_PUBLISHED,
     N_PUBLISHED32,
     NON_FINITE,
-    OFFSET,
     OK,
-    ORIGIN,
-    ORIGIN_TICK,
-    PERIOD,
-    PHASE,
-    PHASE_WORDS,
     PROBE_WORDS,
     PROBES,
     PROBES_BEGIN,
@@ -70,35 +47,20 @@ from cosim.engine.tables import (
     PUBLISH,
     PUBLISHED,
     PUBLISHED32,
-    ROW_BYTES,
-    ROW_WORDS,
-    ROWS,
     SAMPLE_WORDS,
     SETTLE,
-    SLOPES,
-    SOLVE,
-    STAGES,
     STATES,
     STEP_SIZE,
     STEPS,
     STOP,
-    SUM,
-    TABLEAU,
     TICK,
     TICK_SIZE,
     UPDATE,
     WARNING,
-    A,
-    B,
-    D,
-    W,
     X,
     copy,
-    evaluate,
 )
-from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import integers_at, load, reals_at, words_at
-from cosim.machine.stages import move
 
 LIMIT = 2.0**332
 """From this magnitude on, about 1e100, a value has diverged: no quantity is as large; its fourth power overflows."""
@@ -125,13 +87,13 @@ def run(_: float, base: int, control: int) -> int:
         if c[ENDING] != 0:
             c[ENDING] = ENDED
             return OK
-        following = next_point(c, base, k)
-        numbers = reals_at(control, CONTROL_WORDS)
-        numbers[STEP_SIZE] = (following - k) * numbers[TICK_SIZE]
-        status = advance(c, base, time, time_at(c, control, following), numbers[STEP_SIZE])
+        status = perform(c, base, UPDATE, UPDATE, time)
         if status > WARNING:
             return status
-        c[TICK] = following
+        following = next_point(c, base, k)
+        status = attempt(c, base, control, following) if c[ATTEMPTS] != 0 else step(c, base, control, following)
+        if status > WARNING:
+            return status
         c[STEPS] += 1
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
@@ -143,25 +105,14 @@ def run(_: float, base: int, control: int) -> int:
     return OK
 
 
-def next_point(c: Any, base: int, k: int) -> int:
-    """The tick of the communication point after tick k: of the grid, or where a clock is due."""
-    grid = c[GRID]
-    following: int = k + grid - k % grid
-    if grid != 1:
-        for j in range(c[N_CLOCKS]):
-            clock = words_at(base + c[CLOCKS] + j * CLOCK_WORDS * 8, CLOCK_WORDS)
-            since = k - clock[OFFSET]
-            due = clock[OFFSET] if since < 0 else k + clock[PERIOD] - since % clock[PERIOD]
-            following = min(following, due)
-    return following
-
-
-def strike(c: Any, base: int, k: int) -> None:
-    """Note which clocks are due at tick k."""
-    for j in range(c[N_CLOCKS]):
-        clock = words_at(base + c[CLOCKS] + j * CLOCK_WORDS * 8, CLOCK_WORDS)
-        since = k - clock[OFFSET]
-        clock[DUE] = 1 if since >= 0 and since % clock[PERIOD] == 0 else 0
+def step(c: Any, base: int, control: int, following: int) -> int:
+    """From tick TICK to another. Returns the status."""
+    k, numbers = c[TICK], reals_at(control, CONTROL_WORDS)
+    numbers[STEP_SIZE] = (following - k) * numbers[TICK_SIZE]
+    status = advance(c, base, time_at(c, control, k), time_at(c, control, following), numbers[STEP_SIZE])
+    if status <= WARNING:
+        c[TICK] = following
+    return status
 
 
 def reach(c: Any, base: int, k: int, time: float) -> int:
@@ -179,13 +130,6 @@ def reach(c: Any, base: int, k: int, time: float) -> int:
     return OK
 
 
-def time_at(c: Any, control: int, k: int) -> float:
-    """The time (s) of tick k, from an integer count."""
-    numbers = reals_at(control, CONTROL_WORDS)
-    time: float = numbers[ORIGIN] + (k - c[ORIGIN_TICK]) * numbers[TICK_SIZE]
-    return time
-
-
 def execute(time: float, base: int, control: int) -> int:
     """Do the rows FIRST_ROW … END_ROW-1 once, as of TICK and a time (s). Returns the status."""
     c = words_at(control, CONTROL_WORDS)
@@ -194,108 +138,6 @@ def execute(time: float, base: int, control: int) -> int:
     if status > WARNING or is_sound(c, base):
         return status
     return NON_FINITE
-
-
-def perform(c: Any, base: int, first: int, last: int, time: float) -> int:
-    """Do phases that follow each other, as of a time (s). Returns the status."""
-    begin = words_at(c[PHASE] + first * PHASE_WORDS * 8, PHASE_WORDS)[0]
-    end = words_at(c[PHASE] + last * PHASE_WORDS * 8, PHASE_WORDS)[1]
-    return operate(c, base, begin, end, time, time)
-
-
-def operate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:
-    """Do calls, copies and loops in order, as of a time (s); later: of rows that are done at its end."""
-    if c[LOOPS] == 0:
-        return evaluate(c, base, begin, end, time, later)
-    o = begin
-    while o < end:
-        row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
-        if row[KIND] == SOLVE:
-            status = solve(c, base, o, time, later)
-            o += row[B] + 1
-        else:
-            first = o
-            while o < end and words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[KIND] != SOLVE:
-                o += 1
-            status = evaluate(c, base, first, o, time, later)
-        if status > WARNING:
-            return status
-    return OK
-
-
-def advance(c: Any, base: int, time: float, later: float, step: float) -> int:
-    """Go from a communication point to the next: UPDATE, and ADVANCE with its integrations. Returns the status."""
-    status = perform(c, base, UPDATE, UPDATE, time)
-    if status > WARNING:
-        return status
-    phase = words_at(c[PHASE] + ADVANCE * PHASE_WORDS * 8, PHASE_WORDS)
-    o = phase[0]
-    while o < phase[1]:
-        row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
-        following = row[B] if row[KIND] == SOLVE else 0
-        if row[KIND] == INTEGRATE:
-            status = integrate(c, base, row[A], time, step)
-        else:
-            status = operate(c, base, o, o + 1 + following, time, later)
-        if status > WARNING:
-            return status
-        o += 1 + following
-    return OK
-
-
-def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
-    """Integrate one bank over one communication step with its own integrator and number of inner steps."""
-    b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
-    inner_steps = b[INNER_STEPS]
-    x = part(c, base, b, X)
-    w = x if b[IN_PLACE] != 0 else part(c, base, b, W)
-    d = part(c, base, b, D)
-    h = step / inner_steps
-    for s in range(inner_steps):
-        time = begun + s * h
-        if s == 0:
-            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], time, time)
-        else:
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], time, time)
-        if status > WARNING:
-            return status
-        if b[STAGES] > 1:
-            status = finish(c, base, b, x if s == 0 else w, w, d, time, h)
-            if status > WARNING:
-                return status
-        elif s > 0 or b[IN_PLACE] != 0:
-            for j in range(w.size):  # vectorised where the loop below would find that its arrays overlap
-                w[j] += h * d[j]
-        else:
-            for j in range(w.size):
-                w[j] = x[j] + h * d[j]
-    return OK
-
-
-def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, time: float, h: float) -> int:
-    """End the inner step of several stages, of which the first one's derivatives are in `d` already."""
-    stages, stride = b[STAGES], c[STATES] * 8
-    begun, total = part(c, base, b, BEGUN), part(c, base, b, SUM)
-    slopes = base + c[SLOPES] + b[BEGIN] * 8
-    for j in range(w.size):
-        begun[j] = origin[j]
-    for stage in range(stages):
-        row = reals_at(base + b[TABLEAU] + stage * (HEAD + stages) * 8, HEAD + stages)
-        slope = reals_at(slopes + stage * stride, w.size)
-        for j in range(w.size):
-            slope[j] = d[j]
-        move(w, begun, h, row, slopes, stride, total)
-        if stage < stages - 1:
-            now = time + row[NODE] * h
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], now, now)
-            if status > WARNING:
-                return status
-    return OK
-
-
-def part(c: Any, base: int, b: Any, vector: int) -> Any:
-    """A bank's part of one of the vectors X, W, BEGUN, SUM, D."""
-    return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
 
 
 def full_at(c: Any) -> int:

@@ -21,6 +21,22 @@ class Event:
 
 
 @dataclass
+class Stepping:
+    """The communication steps that a tolerance chose: the shortest and the longest (s), how many were done anew.
+
+    coarse: how many were longer than the tolerance allows, as there is no smaller step or none is done anew.
+    """
+
+    shortest: float
+    longest: float
+    rejected: int
+    coarse: int
+
+    def __str__(self) -> str:
+        return f"steps from {self.shortest:.3g} to {self.longest:.3g} s, {self.rejected} done anew"
+
+
+@dataclass
 class Outcome:
     """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
 
@@ -45,6 +61,7 @@ class Outcome:
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
     swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
+    stepping: Stepping | None = None  # where a tolerance chose the steps
 
     @property
     def reason(self) -> str:
@@ -69,4 +86,6 @@ class Outcome:
             content["conditions"] = self.verdicts
         if self.swaps:
             content["swaps"] = self.swaps
+        if self.stepping:
+            content["stepping"] = asdict(self.stepping)
         return json.dumps(reductions.for_json(content), ensure_ascii=False)

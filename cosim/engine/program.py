@@ -10,6 +10,9 @@ The meaning of a step. At the communication point k, the time is t = k h, and ev
     UPDATE     sampled blocks that are due compute x⁺ from what is published, which stays; histories take it
     ADVANCE    the method takes continuous states and foreign blocks from t to t + h: see its file in `methods/`
 
+A step may be an attempt, which is judged, done anew or repeated: see `attempts`. SAVE keeps what changes, REJECT
+restores it, REPEAT all but the histories of inputs, KEEP gives them what blocks publish at the step's end.
+
 Before the first step, CALCULATE has the calculated parameters, and START the start functions and the outputs at time
 zero, each after what it reads; then foreign blocks end their initialization, and x⁺ ← x.
 """
@@ -25,13 +28,38 @@ from cosim.authoring.variables import Input, Parameter
 from cosim.engine import newton, tables
 from cosim.engine.allocation import Place, copy_of
 from cosim.engine.layout import Layout
-from cosim.engine.methods import gauss_seidel, jacobi, joint
+from cosim.engine.methods import gauss_seidel, iterated, jacobi, joint
 from cosim.engine.writer import Call, Writer
+from cosim.errors import FmuError
 from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
-from cosim.wiring.network import Loop, Network, Signal, Task
+from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
-METHODS = {"jacobi": jacobi.advance, "gauss-seidel": gauss_seidel.advance, "joint": joint.advance}
+METHODS = {
+    "jacobi": jacobi.advance,
+    "gauss-seidel": gauss_seidel.advance,
+    "iterated": iterated.advance,
+    "joint": joint.advance,
+}
+
+
+@dataclass(frozen=True)
+class Attempts:
+    """How steps are judged and repeated, see `cosim.engine.attempts`.
+
+    starts: whether one is repeated that has nothing to extrapolate from. histories: offset and size of their table.
+    """
+
+    tolerance: float
+    repeats: int
+    starts: bool
+    rollback: bool
+    histories: tuple[int, int]
+
+    @property
+    def needed(self) -> bool:
+        """Whether steps are attempts."""
+        return self.tolerance > 0.0 or self.repeats > 0 or self.starts
 
 
 @dataclass
@@ -53,6 +81,7 @@ class Program:
     started: list[tuple[int, Signal]]
     loops: dict[int, Loop]
     clocks: int
+    attempts: Attempts
 
     @property
     def places(self) -> dict[Signal, Place]:
@@ -119,6 +148,7 @@ def build(network: Network, method: str) -> Program:
     _write_point(writer, network.evaluation)
     _write_updates(writer)
     METHODS[method](writer, network.evaluation)
+    attempts = _write_attempts(writer)
     return Program(
         network=network,
         layout=layout,
@@ -130,6 +160,7 @@ def build(network: Network, method: str) -> Program:
         started=writer.started,
         loops=writer.loops,
         clocks=clocks,
+        attempts=attempts,
     )
 
 
@@ -189,5 +220,49 @@ def _write_updates(writer: Writer) -> None:
         if not order.has_turn(component):
             writer.call_kind(component, "step")
         for port in component.couplings:
+            writer.forget(component, port)
             writer.remember(component, port)
     writer.phase("UPDATE", begin)
+
+
+def _write_attempts(writer: Writer) -> Attempts:
+    """SAVE, REJECT, REPEAT, KEEP, which are empty where no step is judged or repeated. Raises: FmuError."""
+    network, layout = writer.network, writer.layout
+    several = [(c, port) for c in network.components.values() for port in c.couplings if not c.is_late(port)]
+    run, stuck = network.diagram.run, [c for c in network.components.values() if not _can_go_back(c)]
+    steep = any(c.couplings[port].order > 1 for c, port in several) and not stuck
+    needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback)
+    if needed and stuck:
+        message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs"
+        fix = "write run.rollback: false, so that only the next step is shorter" if run.coupling_tolerance else ""
+        raise FmuError(message, stuck[0].entry.type.position, fix or "choose another run.method, or model exchange")
+    goes_back = bool(needed or steep)
+    saved = layout.allocate(layout.changing) if goes_back else 0
+    for phase, task, to, source, size in (
+        ("SAVE", "save", saved, 0, layout.changing),
+        ("REJECT", "restore", 0, saved, layout.changing),
+        ("REPEAT", "restore", 0, saved, layout.repeated),
+    ):
+        begin = writer.begin()
+        if goes_back:
+            writer.copy(to, source, size)
+            for component in network.components.values():
+                writer.call_kind(component, task)
+        writer.phase(phase, begin)
+    begin = writer.begin()
+    for component, port in several if goes_back else ():
+        writer.remember(component, port)
+    writer.phase("KEEP", begin)
+    offsets = [layout.histories[Signal(component.name, port)] for component, port in several]
+    return Attempts(
+        tolerance=run.coupling_tolerance or 0.0,
+        repeats=int(run.method == "iterated"),
+        starts=steep,
+        rollback=goes_back,
+        histories=(layout.constant(np.array(offsets, np.int64)), len(offsets)),
+    )
+
+
+def _can_go_back(component: Component) -> bool:
+    """Whether a step of a component can be done anew."""
+    return not component.declaration.foreign or bool(component.declaration.kind("restore"))

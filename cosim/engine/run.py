@@ -181,7 +181,8 @@ class Run:
     def _writer(self) -> ResultWriter:
         assert self.output is not None
         diagram = self.network.diagram
-        settings = {k: getattr(diagram.run, k) for k in ("stop", "step", "method", "integrator", "inner_steps")}
+        names = "stop", "step", "method", "extrapolation", "coupling_tolerance", "integrator", "inner_steps"
+        settings = {k: getattr(diagram.run, k) for k in names if getattr(diagram.run, k) is not None}
         attributes = {
             "title": diagram.title,
             "diagram": diagram.resolved(),
@@ -206,6 +207,20 @@ class Run:
             where = " ".join(("no condition was judged: interrupted", *getattr(stopped, "__notes__", [])))
             return [], [CosimError(where)], stopped.number
 
+    def _coarse(self) -> list[CosimError]:
+        """A warning of steps that were longer than the tolerance allows."""
+        stepping, run = self.simulation.stepping, self.network.diagram.run
+        if not stepping or not stepping.coarse:
+            return []
+        message = f"{stepping.coarse} of {self.simulation.steps} steps miss run.coupling_tolerance"
+        why, fix = "and the next could only be shorter", "write run.rollback: true, or a smaller run.step"
+        if run.rollback:
+            why, fix = (
+                f"at the smallest step of {stepping.shortest:.3g} s",
+                "choose a smaller run.smallest_step",
+            )
+        return [CosimError(f"{message}, {why}", run.nodes["coupling_tolerance"].place, fix)]
+
     def _outcome(self, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
         diagram = self.network.diagram
         judged, warnings, signal = self._judged()
@@ -223,11 +238,12 @@ class Run:
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[*self.reductions.warnings, *warnings, *failed],
+            warnings=[*self.reductions.warnings, *warnings, *failed, *self._coarse()],
             conditions=judged,
             units=self.reductions.units,
             windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
+            stepping=self.simulation.stepping,
         )
 
 

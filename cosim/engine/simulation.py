@@ -19,6 +19,7 @@ from cosim.engine import failures, hosts, tables
 from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
 from cosim.engine.compilation import Kernels
+from cosim.engine.outcome import Stepping
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
 from cosim.errors import CosimError
@@ -149,6 +150,15 @@ class Simulation:
     def steps(self) -> int:
         """How many communication steps are done."""
         return int(self.control[tables.STEPS])
+
+    @property
+    def stepping(self) -> Stepping | None:
+        """The communication steps that a tolerance chose, if one did."""
+        if not self.program.attempts.tolerance:
+            return None
+        words = (tables.SHORTEST, tables.LONGEST, tables.REJECTED, tables.COARSE)
+        shortest, longest, rejected, coarse = (int(self.control[word]) for word in words)
+        return Stepping(self.program.time(shortest), self.program.time(longest), rejected, coarse)
 
     @property
     def time(self) -> float:

@@ -7,15 +7,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.histories import push, trace
+from cosim.engine.histories import forget, push, trace
 from cosim.machine.memory import call, words_at
 
 # Status of a call and of a run: FMI's, and two more.
 OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED = range(7)
 
 # The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
-PHASES = ("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE")
-CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
+PHASES = (
+    *("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE"),
+    *("SAVE", "REJECT", "REPEAT", "KEEP"),
+)
+CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE, SAVE, REJECT, REPEAT, KEEP = range(12)
 PHASE_WORDS = 2
 
 # A row: kind, three operands, the number of the clock by which it is done (from 1; 0: at every communication point),
@@ -23,9 +26,9 @@ PHASE_WORDS = 2
 ROW_WORDS = 6
 ROW_BYTES = 8 * ROW_WORDS
 KIND, A, B, C, CLOCK, AT_END = range(ROW_WORDS)
-CALL, COPY, INTEGRATE, SOLVE, PUSH, TRACE = range(6)
+CALL, COPY, INTEGRATE, SOLVE, PUSH, TRACE, FORGET = range(7)
 # Operands: function, frame | to, from, words | bank | offset of the unknowns, how many rows that follow evaluate them |
-# offset of a history, which takes a sample, or gives the input its value: see `histories`.
+# offset of a history, which takes a sample, or gives the input its value, or begins anew: see `histories`.
 
 # The unknowns of an algebraic loop: blocks of equations that do not depend on each other, how many equations each has,
 # pieces of memory in which the unknowns lie, and the offset of work space; then the pieces: offset, bytes from one
@@ -50,7 +53,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 38
+CONTROL_WORDS = 50
 (
     ROWS,
     BANKS,
@@ -90,7 +93,19 @@ CONTROL_WORDS = 38
     STOP,  # whether somebody wants the loop to return before its next step
     AGAIN,  # not 0 if a foreign block has had an event at this communication point, which may change what it publishes
     LOOPS,  # how many algebraic loops there are
-) = range(38)
+    ATTEMPTS,  # whether steps are attempts, which may be repeated or shortened
+    TOLERANCE,  # of what is exchanged, relative, a float64; 0: steps are not shortened
+    REPEATS,  # how often every step is repeated
+    ROLLBACK,  # whether a step can be done anew
+    STARTS,  # whether a step is repeated once where there is nothing to extrapolate from
+    HISTORIES,  # the offset of a table of the offsets of histories
+    N_HISTORIES,
+    PROPOSED,  # how many ticks the next step may be long
+    REJECTED,  # how many steps were shortened
+    COARSE,  # how many steps were too long, and yet the smallest
+    SHORTEST,  # the shortest step so far, in ticks
+    LONGEST,
+) = range(50)
 
 ENDED = 2  # what ENDING becomes
 
@@ -114,9 +129,11 @@ def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float)
         elif row[KIND] == COPY:
             copy(base + row[A], base + row[B], row[C])
         elif row[KIND] == TRACE:
-            trace(base, row[A], now)
-        else:
+            trace(base, row[A], now, base + words_at(base + row[A], 1)[0])
+        elif row[KIND] == PUSH:
             push(base, row[A], now)
+        else:
+            forget(base, row[A])
     return OK
 
 

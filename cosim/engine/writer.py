@@ -14,7 +14,7 @@ from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout
 from cosim.integrators import INTEGRATORS
 from cosim.wiring import order
-from cosim.wiring.network import Component, Loop, Network, Signal, Task
+from cosim.wiring.network import Component, Coupling, Loop, Network, Signal, Task
 
 Range = tuple[int, int]
 
@@ -183,10 +183,16 @@ class Writer:
             self._join(component, port, self.layout.places[signal].offset)
         self._row(tables.PUSH, self.layout.histories[signal], at_end=at_end)
 
+    def forget(self, component: Component, port: str) -> None:
+        """Begin the history of an input anew where a sampled block is due that it depends on: then it jumps."""
+        for clock in order.clocks_behind(self.network, component, port):
+            self._row(tables.FORGET, self.layout.histories[Signal(component.name, port)], clock=self._clocks[clock])
+
     def recall(self, component: Component, at_end: bool = False) -> None:
         """Give the inputs that are read late or extrapolated their values at the time of a stage."""
-        for port in component.couplings if not component.samples_inputs else ():
-            self._row(tables.TRACE, self.layout.histories[Signal(component.name, port)], at_end=at_end)
+        for port, coupling in component.couplings.items() if not component.samples_inputs else ():
+            if coupling != Coupling():
+                self._row(tables.TRACE, self.layout.histories[Signal(component.name, port)], at_end=at_end)
 
     def _row(self, kind: int, a: int, b: int = 0, c: int = 0, clock: int = 0, at_end: bool = False) -> None:
         self.rows.append([kind, a, b, c, clock, int(at_end)])

@@ -45,6 +45,9 @@ class RunSettings:
     step: float
     method: str
     extrapolation: int
+    coupling_tolerance: float | None
+    smallest_step: float | None
+    rollback: bool
     integrator: str
     inner_steps: int
     patience: float
@@ -111,7 +114,7 @@ class Diagram:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
         sections: dict[str, Any] = {
             "title": self.title,
-            "run": {key: getattr(self.run, key) for key in RUN},
+            "run": {key: value for key in RUN if (value := getattr(self.run, key)) is not None},
             "fleets": self.fleets,
             "blocks": {name: entry.plain(self.path.parent) for name, entry in self.blocks.items()},
             "metrics": {name: metric.plain() for name, metric in self.metrics.items()},
@@ -225,6 +228,12 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
             values[key] = math.nan
             reader.missing(section, f"the diagram has no `run.{key}`", f"write run: {{{key}: {RUN[key].example}}}")
     run = RunSettings(**values, nodes=nodes)
+    if run.smallest_step is not None and not run.coupling_tolerance:
+        message = "`run.smallest_step` goes with `run.coupling_tolerance`, and there is none"
+        reader.wrong(nodes["smallest_step"], message, "write run.coupling_tolerance too, such as 1.0e-4", WrongValue)
+    if run.smallest_step is not None and run.smallest_step > run.step:
+        message = f"`run.smallest_step` of {run.smallest_step:g} s is more than run.step of {run.step:g} s"
+        reader.wrong(nodes["smallest_step"], message, "a smaller one; run.step is the largest", WrongValue)
     if "stop" in nodes:
         _is_multiple(nodes["stop"], "run.stop", run.stop, run.step, reader)
     return run

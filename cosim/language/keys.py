@@ -18,7 +18,7 @@ from cosim.language.source import Node, describe
 ANY = "*"
 TYPES = ("block", "python", "fmu", "diagram")
 NATIVE = ("block", "python", "fmu")
-METHODS = ("jacobi", "gauss-seidel", "joint")
+METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
 REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
 MOST_EXTRAPOLATION = 2
 MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
@@ -156,6 +156,9 @@ RUN: dict[str, Key] = {
     "stop": Key("when it ends", POSITIVE, unit="s", example="30"),
     "step": Key("the communication step", POSITIVE, unit="s", example="1.0e-3"),
     "method": Key("how blocks are coupled", choice(METHODS), "jacobi"),
+    "coupling_tolerance": Key("relative error of what is exchanged; none: all steps are of one size", POSITIVE),
+    "smallest_step": Key("the smallest communication step; none: step / 1024", POSITIVE, unit="s"),
+    "rollback": Key("whether a step that a tolerance finds too long is done anew", TRUTH, True),
     "extrapolation": Key("order of what blocks read between two communication points", EXTRAPOLATION, 0),
     "integrator": Key("of continuous states", choice(INTEGRATORS), "euler"),
     "inner_steps": Key("in how many steps of theirs a step is integrated", count(MOST_INNER_STEPS), 1),

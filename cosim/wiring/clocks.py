@@ -49,11 +49,13 @@ class Schedule:
         return count.numerator
 
 
-def schedule(step: float, clocks: Iterable[Clock | None]) -> Schedule:
-    """The schedule of a run with this communication step (s), each clock once."""
+def schedule(step: float, clocks: Iterable[Clock | None], smallest: float | None = None) -> Schedule:
+    """The schedule of a run with this communication step (s), each clock once; smallest: where the step may vary."""
     several = tuple(dict.fromkeys(clock for clock in clocks if clock))
     grid = exact(step)
     tick = common([grid, *(time for clock in several for time in (clock.period, clock.offset))])
+    while smallest is not None and tick > smallest:
+        tick /= 2
     return Schedule(tick, (grid / tick).numerator, several)
 
 

@@ -18,18 +18,22 @@ def couple(draft: Draft) -> None:
     for component in draft.components.values():
         for port in component.wires:
             coupling = draft.problems.attempt(_coupling, draft, component, port)
-            if coupling and (coupling.delay or coupling.order):
+            if coupling:
                 component.couplings[port] = coupling
                 extrapolated |= coupling.order > 0
     run = draft.diagram.run
+    if run.method == "joint" and run.coupling_tolerance:
+        message = "`run.coupling_tolerance` has nothing to judge under `joint`, which couples by its integrator"
+        fix = "remove it, or choose another run.method"
+        draft.problems.add(WrongValue(message, run.nodes["coupling_tolerance"].place, fix))
     if run.extrapolation and not extrapolated and draft.is_whole():
         message = "`run.extrapolation` changes nothing: no input is read between two communication points"
         fix = "choose an integrator of several stages, or inner steps, under jacobi or gauss-seidel; or remove it"
         draft.problems.add(WrongValue(message, run.nodes["extrapolation"].place, fix))
 
 
-def _coupling(draft: Draft, component: Component, port: str) -> Coupling:
-    """How an input is read. Raises: WrongValue."""
+def _coupling(draft: Draft, component: Component, port: str) -> Coupling | None:
+    """How an input is read; None: as it comes. Raises: WrongValue."""
     beside, run = component.entry.inputs[port].beside, draft.diagram.run
     delay, order = beside.get("delay"), beside.get("extrapolation")
     why = _held(draft, component, port)
@@ -37,12 +41,23 @@ def _coupling(draft: Draft, component: Component, port: str) -> Coupling:
         message = f"block {component.name}: `{port}` is not extrapolated: {why or 'it is read late'}"
         raise WrongValue(message, order.place, _FIX)
     if not delay:
-        return Coupling(order=0 if why else order.value if order else run.extrapolation)
+        reached = 0 if why else order.value if order else run.extrapolation
+        interpolated = run.method == "iterated" and not why
+        judged = bool(run.coupling_tolerance) and _is_judged(draft, component, port)
+        return Coupling(order=reached, interpolated=interpolated) if reached or interpolated or judged else None
     late = exact(delay.value, run.step)
     if late < exact(run.step):
         message = f"block {component.name}: `{port}` is read {delay.value:g} s late, which is less than a step"
         raise WrongValue(message, delay.place, f"at least run.step = {run.step:g} s, or remove it")
     return Coupling(late)
+
+
+def _is_judged(draft: Draft, component: Component, port: str) -> bool:
+    """Whether what an input is held at over a step differs from what its source then gives."""
+    sources = [draft.components[s.component] for s in component.wires[port] if s.variable]
+    real = component.declaration.variables[port].dtype == np.float64
+    steps = component.declaration.continuous() or component.declaration.kind("step")
+    return bool(real and steps and not component.samples_inputs and not all(s.is_sampled for s in sources))
 
 
 def _held(draft: Draft, component: Component, port: str) -> str:

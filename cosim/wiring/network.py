@@ -98,10 +98,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class Coupling:
-    """How an input is read: as it was so long ago (s), or extrapolated to an order between communication points."""
+    """How an input is read: as it was so long ago (s), or extrapolated to an order between communication points.
+
+    interpolated: where a step is repeated, also by what its source gives at the end.
+    """
 
     delay: Fraction = Fraction(0)
     order: int = 0
+    interpolated: bool = False
 
 
 @dataclass
@@ -229,7 +233,8 @@ class Network:
     @cached_property
     def schedule(self) -> Schedule:
         """When the master stops."""
-        return schedule(self.diagram.run.step, [component.clock for component in self.components.values()])
+        run, clocks = self.diagram.run, [component.clock for component in self.components.values()]
+        return schedule(run.step, clocks, (run.smallest_step or run.step / 1024) if run.coupling_tolerance else None)
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""

@@ -66,6 +66,8 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
     print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
+    if outcome.stepping:
+        screen.say(str(outcome.stepping))
     screen.say(f"recorded in {outcome.results}")
     for swap in outcome.swaps:
         screen.say(swap)
