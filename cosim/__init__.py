@@ -24,7 +24,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "cosim.authoring.block": "Block Measure",
     "cosim.authoring.rules": "Course condition rule",
-    "cosim.authoring.variables": "CalculatedParameter Dimension Input Local Output Parameter State",
+    "cosim.authoring.variables": "CalculatedParameter Dimension Indicator Input Local Output Parameter State",
     "cosim.engine.outcome": "Outcome",
     "cosim.engine.run": "Run load",
     "cosim.errors": "CosimError",
@@ -40,6 +40,7 @@ __all__ = [
     "CosimError",
     "Course",
     "Dimension",
+    "Indicator",
     "Input",
     "Local",
     "Measure",

@@ -18,7 +18,7 @@ from cosim.authoring import naming
 from cosim.authoring.author_source import Text, arguments_of, function_text, shown
 from cosim.authoring.dataflow.effects import Effects, LeftOut
 from cosim.authoring.dataflow.following import effects
-from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
+from cosim.authoring.declaration import PREFIXES, Declaration, Function, is_scalar, variable_of
 from cosim.authoring.scope import scope_of
 from cosim.authoring.shared_operations import unshared
 from cosim.authoring.variables import Local, State, Variable
@@ -118,7 +118,7 @@ class _Reporter:
             wanted = min(self.required() or writes, default="y")
             what = "returns a value, which goes nowhere"
             yield self.mistake(node, what, f"write it in place: {self.element(wanted)} = …")
-        if self.function.kind not in ("update", "start"):
+        if self.function.kind not in ("update", "event", "start"):
             for place in found.stale:
                 if place.name in self.required() or self.keeps(place.name):
                     what = f"reads `{place.name}` before it is written, when it holds what an earlier call left"
@@ -174,7 +174,7 @@ class _Reporter:
 
     def required(self) -> frozenset[str]:
         """What has to be written on every path: all but arrays of work space, and what comes with the state's value."""
-        if self.function.kind == "update":
+        if self.function.kind in ("update", "event"):
             return frozenset()
         variables = self.declaration.variables
         return frozenset(n for n in self.function.writes if not _is_work_space(variables.get(n)))
@@ -256,7 +256,7 @@ class _Reporter:
     def instead(self, name: str) -> str:
         """What the author most likely wanted to write."""
         variable = self.declaration.variables.get(name)
-        prefix = {"derivatives": "d_", "update": "next_"}.get(self.function.kind)
+        prefix = PREFIXES.get(self.function.kind)
         if isinstance(variable, State) and prefix:
             return f"write {prefix}{name}[…], and name it as an argument"
         writer = next((f for f in self.declaration.functions if f is not self.function and name in f.writes), None)

@@ -12,7 +12,9 @@ from cosim.authoring.variables import Dimension, Input, Local, Output, State, Va
 from cosim.errors import CosimError
 
 AnyVariable = TypeVar("AnyVariable", bound=Variable)
-KINDS = ("calculate", "start", "outputs", "derivatives", "update")
+KINDS = ("calculate", "start", "outputs", "derivatives", "update", "indicators", "event")
+#: What the name of a state begins with where a function writes what becomes of it.
+PREFIXES = {"derivatives": "d_", "update": "next_", "event": "next_"}
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,11 @@ class Declaration:
     def discrete(self) -> list[State]:
         """The states that `update` drives."""
         driven = {a for f in self.kind("update") for a in f.writes}
+        return [s for s in self.of(State) if f"next_{s.name}" in driven]
+
+    def jumping(self) -> list[State]:
+        """The states that `event` resets."""
+        driven = {a for f in self.kind("event") for a in f.writes}
         return [s for s in self.of(State) if f"next_{s.name}" in driven]
 
 

@@ -7,11 +7,12 @@ import types
 from typing import Any
 
 from cosim.authoring import naming
-from cosim.authoring.declaration import Declaration, Function
+from cosim.authoring.declaration import PREFIXES, Declaration, Function
 from cosim.authoring.rules import Rule
 from cosim.authoring.variables import (
     CalculatedParameter,
     Dimension,
+    Indicator,
     Input,
     Local,
     Output,
@@ -21,6 +22,14 @@ from cosim.authoring.variables import (
     Variable,
 )
 from cosim.errors import DeclarationError, Problems, nearest
+
+#: What functions of a kind write.
+_WRITTEN: dict[str, tuple[type[Variable], ...]] = {
+    "calculate": (CalculatedParameter,),
+    "start": (State,),
+    "outputs": (Output, Local),
+    "indicators": (Indicator,),
+}
 
 
 def declare(cls: Any, compiled: bool) -> Declaration:
@@ -88,17 +97,20 @@ def _function(
     for argument in arguments:
         said = None
         prefix, _, state = argument.partition("_")
-        derived = {"derivatives": "d", "update": "next"}.get(kind) == prefix and argument not in declaration.variables
+        derived = PREFIXES.get(kind) == f"{prefix}_" and argument not in declaration.variables
         if derived and isinstance(declaration.variables.get(state), State):
             writes.add(argument)
         elif argument in declaration.variables:
             variable = declaration.variables[argument]
-            target: Any = {"calculate": CalculatedParameter, "start": State, "outputs": (Output, Local)}.get(kind)
+            target: Any = _WRITTEN.get(kind)
             if target and isinstance(variable, target) and argument not in written:
                 writes.add(argument)
             elif kind == "calculate" and not isinstance(variable, (Parameter, CalculatedParameter, Period)):
                 what = f"names `{argument}`, which has no value yet: it is called once, before anything else"
                 said = what, "compute from parameters only, or use start() or outputs()"
+            elif isinstance(variable, Indicator) and kind != "event":
+                what = f"names the indicator `{argument}`, of which event() alone knows how it has crossed zero"
+                said = what, "name what it is computed from"
         elif argument == "self":
             said = "names `self`, which a block's functions do not have", "remove it: their arguments are variables"
         elif argument != "time":
@@ -112,7 +124,7 @@ def _function(
 
 def _meant(declaration: Declaration, kind: str, argument: str) -> str:
     """The nearest name that a function of a kind may write or read."""
-    prefix = {"derivatives": "d_", "update": "next_"}.get(kind)
+    prefix = PREFIXES.get(kind)
     results = [f"{prefix}{s.name}" for s in declaration.of(State)] if prefix else []
     return nearest(argument, [*declaration.variables, *results, "time", "period"])
 
@@ -120,15 +132,19 @@ def _meant(declaration: Declaration, kind: str, argument: str) -> str:
 def _check_complete(declaration: Declaration, problems: Problems) -> None:
     """Everything that the block computes is computed by exactly one function."""
     states = {s.name for s in declaration.of(State)}
+    jumping = {s.name for s in declaration.jumping()}
     continuous, discrete = ({s.name for s in part} for part in (declaration.continuous(), declaration.discrete()))
     for name in sorted(states):
         said = None
         if name in continuous and name in discrete:
             what = f"state `{name}` has derivatives and an update, and needs either derivatives or an update"
             said = what, f"remove d_{name} from derivatives() or next_{name} from update()"
-        elif name not in continuous and name not in discrete:
-            what = f"state `{name}` needs either derivatives or an update"
-            said = what, f"name d_{name} in derivatives() or next_{name} in update()"
+        elif name in discrete and name in jumping:
+            what = f"state `{name}` has an update and is reset by event(), and needs either of them"
+            said = what, f"remove next_{name} from update() or from event()"
+        elif name not in continuous | discrete | jumping:
+            what = f"state `{name}` needs derivatives, an update or an event"
+            said = what, f"name d_{name} in derivatives(), or next_{name} in update() or event()"
         elif name in continuous and declaration.variables[name].dtype != float:
             what = f"state `{name}` is {declaration.variables[name].dtype}: a continuous state is float64"
             said = what, f"leave out its dtype, or compute it as next_{name} in update()"
@@ -138,7 +154,14 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
         if said:
             place = naming.place_in(declaration.home, name)
             problems.add(DeclarationError(f"block {declaration.name}: {said[0]}", place, said[1]))
-    for kind, classes in (("outputs", (Output, Local)), ("calculate", (CalculatedParameter,))):
+    for function in declaration.kind("event"):
+        if not any(isinstance(declaration.variables.get(a), Indicator) for a in function.arguments):
+            message = f"block {declaration.name}: event() names no indicator, so it cannot know what has happened"
+            fix = "name the indicators that it answers to, and look which of them is not 0"
+            problems.add(DeclarationError(message, naming.place_in(declaration.home, function.name), fix))
+    for kind, classes in _WRITTEN.items():
+        if kind == "start":
+            continue
         computed = [name for f in declaration.kind(kind) for name in f.writes]
         for variable in declaration.of(*classes):
             if computed.count(variable.name) != 1:

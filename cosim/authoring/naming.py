@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.authoring.author_source import class_text, function_text, shown
 from cosim.authoring.declaration import KINDS
-from cosim.authoring.variables import Parameter, State, Variable
+from cosim.authoring.variables import CROSSINGS, Indicator, Parameter, State, Variable
 from cosim.errors import DeclarationError, ExpressionError, Position, WrongUnit, nearest
 from cosim.language import expression, units
 
@@ -86,6 +86,11 @@ def _settings(name: str, variable: Any) -> Iterator[tuple[str, str]]:
         given = getattr(variable, key, kind())
         if not isinstance(given, kind):
             yield f"the `{key}` of `{name}` is {given!r}, and not {words}", f"write {fix}"
+    if isinstance(variable, Indicator) and variable.crossing not in CROSSINGS:
+        what = f"the `crossing` of `{name}` is {variable.crossing!r}, and not one of {', '.join(CROSSINGS)}"
+        yield what, 'write crossing="falling", or leave it out for both'
+    if isinstance(variable, Indicator) and variable.dtype != float:
+        yield f"the indicator `{name}` is {variable.dtype}: what crosses zero is float64", "leave out its dtype"
     if getattr(variable, "misnamed", False):
         yield f"the parameter `{name}` has a `start`, which is for what changes along a run", "use default="
     if variable.dtype.name not in TYPES or not variable.dtype.isnative:

@@ -119,6 +119,24 @@ class CalculatedParameter(Variable):
     causality = "calculatedParameter"
 
 
+#: Which crossings of zero are events, and their sign.
+CROSSINGS = {"both": 0, "rising": 1, "falling": -1}
+
+
+class Indicator(Variable):
+    """An event indicator: where it crosses zero, from above zero or to above zero, there is an event.
+
+    `indicators` computes it; in `event` its name stands for how it has crossed: 1 upwards, -1 downwards, 0 not.
+    crossing: "rising" or "falling" where only that is an event, else "both".
+    """
+
+    causality = "local"
+
+    def __init__(self, *shape: int | str, crossing: str = "both", **more: Any) -> None:
+        super().__init__(*shape, **more)
+        self.crossing = crossing
+
+
 class Period(Variable):
     """The diagram's `period` (s), where a function names it and the block declares no variable of that name."""
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from cosim.engine.crossings import anticipate, pursue
 from cosim.engine.histories import measure, misfit, order_of
 from cosim.engine.stepping import advance, hush, perform, time_at
 from cosim.engine.tables import (
@@ -30,6 +31,7 @@ from cosim.engine.tables import (
     KEEP,
     LONGEST,
     N_HISTORIES,
+    N_INDICATORS,
     OK,
     PROPOSED,
     REJECT,
@@ -60,7 +62,9 @@ def attempt(c: Any, base: int, control: int, bound: int) -> int:
     time, ending, n = time_at(c, control, k), c[ENDING], bound - k
     if numbers[TOLERANCE] > 0.0:
         n = share(c, n)
-    status = perform(c, base, SAVE, SAVE, time)
+    status = anticipate(c, base, time) if c[N_INDICATORS] != 0 else OK
+    if status <= WARNING:
+        status = perform(c, base, SAVE, SAVE, time)
     while status <= WARNING:
         later = time_at(c, control, k + n)
         numbers[STEP_SIZE] = n * numbers[TICK_SIZE]
@@ -73,7 +77,11 @@ def attempt(c: Any, base: int, control: int, bound: int) -> int:
             status = perform(c, base, REJECT, REJECT, time)
         else:
             settle(c, base, k, n, factor)
-            return repeat(c, base, time, later, numbers[STEP_SIZE]) if status <= WARNING else status
+            if status <= WARNING:
+                status = repeat(c, base, time, later, numbers[STEP_SIZE])
+            if status <= WARNING and c[N_INDICATORS] != 0:
+                status = pursue(c, base, time, later)
+            return status
     return status
 
 

@@ -91,7 +91,8 @@ class Binding:
         control[tables.LOOPS] = len(program.loops)
         schedule = program.network.schedule
         control[tables.GRID] = schedule.grid
-        control[tables.CLOCKS], control[tables.N_CLOCKS] = program.clocks, len(schedule.clocks)
+        control[tables.CLOCKS] = program.clocks
+        control[tables.N_CLOCKS] = len(schedule.clocks) + program.watched.components
         control.view(np.float64)[tables.TICK_SIZE] = float(schedule.tick)
         self._fill_attempts()
         control[tables.STATES] = program.layout.states
@@ -107,6 +108,11 @@ class Binding:
         control[tables.STARTS], control[tables.ROLLBACK] = attempts.starts, attempts.rollback
         control[tables.HISTORIES], control[tables.N_HISTORIES] = attempts.histories
         control.view(np.float64)[tables.TOLERANCE] = attempts.tolerance
+        watched, layout = self._program.watched, self._program.layout
+        control[tables.WATCHED], control[tables.N_WATCHED] = watched.table, watched.components
+        control[tables.WANTED], control[tables.N_INDICATORS] = watched.wanted, layout.indicators
+        for name, offset in layout.crossings.items():
+            control[getattr(tables, name)] = offset
         control[tables.PROPOSED] = self._program.network.schedule.grid if attempts.rollback else 1
 
 

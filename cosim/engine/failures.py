@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.authoring.variables import Local, State
+from cosim.authoring.variables import Indicator, Local, State
 from cosim.engine import faults, loop, newton
 from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
@@ -79,6 +79,14 @@ def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> Bloc
     guess = f"blocks.{loop.torn[0].component}.start.{loop.torn[0].variable}"
     fix = f"say where to look, {guess}; or sample a block, or let it read a state"
     return BlockFailed(f"{message}{torn} {way}", position, fix)
+
+
+def restless(program: Program, time: float) -> BlockFailed:
+    """The error for events of which one followed another without end, in the step after a time (s)."""
+    names = [name for name, c in program.network.components.items() if any(c.declaration.of(Indicator))]
+    message = f"block {', '.join(names)}: events follow each other without end after t = {time:g} s"
+    fix = "reset what the indicator is computed from, so that it does not cross zero again at once"
+    return BlockFailed(message, program.network.components[names[0]].entry.position, fix)
 
 
 def failure(program: Program, arena: np.ndarray, call: Call, time: float, interpreted: bool) -> BlockFailed:

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.authoring.declaration import variable_of
-from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter, State, Variable
+from cosim.authoring.declaration import Function, variable_of
+from cosim.authoring.variables import CalculatedParameter, Indicator, Input, Local, Output, Parameter, State, Variable
 from cosim.engine import inputs
 from cosim.engine.allocation import Allocation, Place
 from cosim.integrators import INTEGRATORS
@@ -28,13 +28,16 @@ UNWRITTEN: dict[Any, Any] = {
 #: The vectors over all continuous states: as published, of the stage that is evaluated, at the begin of an inner step,
 #: a weighted sum of slopes, and derivatives.
 VECTORS = ("X", "W", "BEGUN", "SUM", "D")
+#: Those over all indicators: see `tables`.
+CROSSINGS = ("Z", "WAS", "HIGH", "DIRECTION")
 
 
 class Layout(Allocation):
     """A place for every variable of a network.
 
     next: of discrete states after the next update; scratch: of outputs that derivatives read, inside an integration;
-    integrated: of continuous states that are held where others see them. given: offsets and instances of the values
+    integrated: of continuous states that are held where others see them; jumped: of states after an event. crossings:
+    offsets of CROSSINGS, of `indicators` numbers each. given: offsets and instances of the values
     that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
     derivatives. states: the size of each. published: offset and count, by type, of numbers that have to be finite,
     besides the states. changing: bytes of the state segment; then come the constants. repeated: the part of it without
@@ -46,11 +49,15 @@ class Layout(Allocation):
         self.next: dict[Signal, Place] = {}
         self.scratch: dict[Signal, Place] = {}
         self.integrated: dict[Signal, Place] = {}
+        self.jumped: dict[Signal, Place] = {}
+        self.crossings: dict[str, int] = {}
+        self.indicators = 0
         self.given: dict[Signal, list[tuple[int, int]]] = {}
         self.vectors: dict[str, int] = {}
         self.published: dict[str, tuple[int, int]] = {}
         self._lay_out_states()
         self._lay_out_published()
+        self._lay_out_indicators()
         components = self.network.components.values()
         for component in components:
             self._lay_out_hidden(component)
@@ -66,7 +73,7 @@ class Layout(Allocation):
             for parameter in component.declaration.of(Parameter):
                 self._lay_out(component, parameter, dense=False)
 
-    def argument(self, component: Component, name: str, stage: bool, hidden: bool) -> Place | None:
+    def argument(self, component: Component, function: Function, name: str, stage: bool, hidden: bool) -> Place | None:
         """Where a function finds what it names, None for `time`.
 
         stage: inside an integration, where outputs are not the published ones; hidden: nor are the states.
@@ -76,9 +83,13 @@ class Layout(Allocation):
         signal = Signal(component.name, variable_of(component.declaration, name).name)
         place = self.own(signal)
         continuous = self.vectors["X"] <= place.offset < self.vectors["X"] + 8 * self.states
-        if name not in component.declaration.variables:  # d_x or next_x
-            return self.derivative(place) if continuous else self.next[signal]
-        if hidden and continuous and isinstance(component.declaration.variables[name], State):
+        variable = component.declaration.variables.get(name)
+        if variable is None:  # d_x or next_x
+            after = {"derivatives": self.derivative(place), "update": self.next.get(signal)}
+            return after.get(function.kind, self.jumped.get(signal))
+        if isinstance(variable, Indicator) and function.kind == "event":
+            return place.moved(self.crossings["DIRECTION"] - self.crossings["Z"])
+        if hidden and continuous and isinstance(variable, State):
             return place.moved(self.vectors["W"] - self.vectors["X"])
         return self.scratch.get(signal, place) if stage else place
 
@@ -131,10 +142,23 @@ class Layout(Allocation):
             begin = self.allocate(0)
             for component in self.network.components.values():
                 for variable in component.declaration.variables.values():
-                    if _checked(variable) == kind and not isinstance(variable, Parameter):
+                    if _checked(variable) == kind and not isinstance(variable, (Parameter, Indicator)):
                         self._lay_out(component, variable, dense=bool(kind))
             if kind:
                 self.published[kind] = begin, (self.size - begin) // np.dtype(kind).itemsize
+
+    def _lay_out_indicators(self) -> None:
+        """All indicators side by side, several times: see CROSSINGS."""
+        several = [(c, v) for c in self.network.components.values() for v in c.declaration.of(Indicator)]
+        self.indicators = sum(c.count * c.nbytes(v) for c, v in several) // 8
+        for name in CROSSINGS:
+            self.crossings[name] = self.allocate(8 * self.indicators)
+        at = self.crossings["Z"]
+        for component, variable in several:
+            size = component.nbytes(variable)
+            stride = size if component.count > 1 else 0
+            self._place(component, variable, Place(at, stride, component.shape(variable), variable.dtype))
+            at += size * component.count
 
     def _lay_out(self, component: Component, variable: Variable, dense: bool) -> None:
         signal = Signal(component.name, variable.name)
@@ -148,6 +172,8 @@ class Layout(Allocation):
         """What nobody outside sees: the next values of discrete states, the outputs inside an integration."""
         for state in component.declaration.discrete():
             self.next[Signal(component.name, state.name)] = self.store(component, state, component.count)
+        for state in component.declaration.jumping():
+            self.jumped[Signal(component.name, state.name)] = self.store(component, state, component.count)
         for name in sorted({name for f in order.needed_outputs(component) for name in f.writes}):
             variable = component.declaration.variables[name]
             self.scratch[Signal(component.name, name)] = place = self.store(component, variable, component.count)
@@ -192,7 +218,7 @@ def _stages(network: Network) -> int:
 
 def _checked(variable: Variable) -> str:
     """The data type as which a variable has to be finite at every communication point; "" where it need not."""
-    if isinstance(variable, (Parameter, Input)) or not variable.finite:
+    if isinstance(variable, (Parameter, Input, Indicator)) or not variable.finite:
         return ""
     return variable.dtype.name if variable.dtype.name in ("float64", "float32") else ""
 

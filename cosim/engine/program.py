@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.authoring.variables import Input, Parameter
+from cosim.authoring.variables import CROSSINGS, Indicator, Input, Parameter
 from cosim.engine import newton, tables
 from cosim.engine.allocation import Place, copy_of
 from cosim.engine.layout import Layout
@@ -35,6 +35,7 @@ from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
+NEVER = 1 << 62  # a tick that no run reaches
 METHODS = {
     "jacobi": jacobi.advance,
     "gauss-seidel": gauss_seidel.advance,
@@ -59,7 +60,16 @@ class Attempts:
     @property
     def needed(self) -> bool:
         """Whether steps are attempts."""
-        return self.tolerance > 0.0 or self.repeats > 0 or self.starts
+        return self.tolerance > 0.0 or self.repeats > 0 or self.starts or self.rollback
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Whose event indicators are watched: offset and size of the table; wanted: the offset of which crossings count."""
+
+    table: int
+    components: int
+    wanted: int
 
 
 @dataclass
@@ -82,6 +92,7 @@ class Program:
     loops: dict[int, Loop]
     clocks: int
     attempts: Attempts
+    watched: Watched
 
     @property
     def places(self) -> dict[Signal, Place]:
@@ -142,13 +153,14 @@ class Program:
 def build(network: Network, method: str) -> Program:
     """The program of a network for one of METHODS. Raises: DiagramErrors, FmuError."""
     layout = Layout(network)
-    clocks = layout.constant(_clock_words(network.schedule))
     writer = Writer(layout)
+    clocks = layout.constant(_clock_words(network.schedule, len(writer.watching)))
     _write_start(writer, network.initial)
     _write_point(writer, network.evaluation)
     _write_updates(writer)
     METHODS[method](writer, network.evaluation)
     attempts = _write_attempts(writer)
+    watched = _write_events(writer)
     return Program(
         network=network,
         layout=layout,
@@ -161,13 +173,14 @@ def build(network: Network, method: str) -> Program:
         loops=writer.loops,
         clocks=clocks,
         attempts=attempts,
+        watched=watched,
     )
 
 
-def _clock_words(schedule: Schedule) -> np.ndarray:
-    """The clocks of blocks as the loop wants them, none of which is due yet."""
+def _clock_words(schedule: Schedule, events: int) -> np.ndarray:
+    """The clocks of blocks as the loop wants them, none of which is due yet; and those of events, which never are."""
     words = [[schedule.ticks(clock.period), schedule.ticks(clock.offset), 0] for clock in schedule.clocks]
-    return np.array(words, np.int64)
+    return np.array([*words, *([[NEVER, NEVER, 0]] * events)], np.int64)
 
 
 def _write_start(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
@@ -231,12 +244,12 @@ def _write_attempts(writer: Writer) -> Attempts:
     several = [(c, port) for c in network.components.values() for port in c.couplings if not c.is_late(port)]
     run, stuck = network.diagram.run, [c for c in network.components.values() if not _can_go_back(c)]
     steep = any(c.couplings[port].order > 1 for c, port in several) and not stuck
-    needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback)
+    needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback) or layout.indicators
     if needed and stuck:
         message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs"
         fix = "write run.rollback: false, so that only the next step is shorter" if run.coupling_tolerance else ""
         raise FmuError(message, stuck[0].entry.type.position, fix or "choose another run.method, or model exchange")
-    goes_back = bool(needed or steep)
+    goes_back = bool(needed or steep or layout.indicators)
     saved = layout.allocate(layout.changing) if goes_back else 0
     for phase, task, to, source, size in (
         ("SAVE", "save", saved, 0, layout.changing),
@@ -261,6 +274,32 @@ def _write_attempts(writer: Writer) -> Attempts:
         rollback=goes_back,
         histories=(layout.constant(np.array(offsets, np.int64)), len(offsets)),
     )
+
+
+def _write_events(writer: Writer) -> Watched:
+    """INDICATORS and EVENT: what is reset takes its next value once all functions have seen what there was."""
+    components, layout = writer.network.components, writer.layout
+    begin = writer.begin()
+    for component in components.values():
+        writer.call_kind(component, "indicators")
+    writer.phase("INDICATORS", begin)
+    begin = writer.begin()
+    jumping = [(signal, place, writer.watching.get(signal.component, 0)) for signal, place in layout.jumped.items()]
+    for signal, place, clock in jumping:
+        writer.copy(place.offset, layout.own(signal).offset, layout.bytes_of(signal), clock)
+    for name, clock in writer.watching.items():
+        writer.call_kind(components[name], "event", clock)
+    for signal, place, clock in jumping:
+        writer.copy(layout.own(signal).offset, place.offset, layout.bytes_of(signal), clock)
+    writer.phase("EVENT", begin)
+    rows, wanted = list[list[int]](), list[float]()
+    for name, clock in writer.watching.items():
+        first = len(wanted)
+        for indicator in components[name].declaration.of(Indicator):
+            size = components[name].count * components[name].nbytes(indicator) // 8
+            wanted += [float(CROSSINGS[indicator.crossing])] * size
+        rows.append([first, len(wanted), clock])
+    return Watched(layout.constant(np.array(rows, np.int64)), len(rows), layout.constant(np.array(wanted)))
 
 
 def _can_go_back(component: Component) -> bool:

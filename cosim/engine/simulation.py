@@ -210,6 +210,8 @@ class Simulation:
         if status == tables.NON_FINITE:
             raise failures.divergence(self.program, self.arena, int(self.control[tables.ELEMENT]), self.time)
         row = int(self.control[tables.AT])
+        if status == tables.RESTLESS:
+            raise failures.restless(self.program, self.time)
         if status == tables.UNSOLVED:
             raise failures.unsolved(self.program, self.arena, row, self.time)
         call = self.program.calls[int(self.program.rows[row, tables.A])]

@@ -10,15 +10,16 @@ from typing import Any
 from cosim.engine.histories import forget, push, trace
 from cosim.machine.memory import call, words_at
 
-# Status of a call and of a run: FMI's, and two more.
-OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED = range(7)
+# Status of a call and of a run: FMI's, and three more.
+OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS = range(8)
 
 # The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
 PHASES = (
     *("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE"),
-    *("SAVE", "REJECT", "REPEAT", "KEEP"),
+    *("SAVE", "REJECT", "REPEAT", "KEEP", "INDICATORS", "EVENT"),
 )
-CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE, SAVE, REJECT, REPEAT, KEEP = range(12)
+CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
+SAVE, REJECT, REPEAT, KEEP, INDICATORS, EVENT = range(8, 14)
 PHASE_WORDS = 2
 
 # A row: kind, three operands, the number of the clock by which it is done (from 1; 0: at every communication point),
@@ -47,13 +48,18 @@ BEGIN, END, IN_PLACE, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_EN
 CLOCK_WORDS = 3
 PERIOD, OFFSET, DUE = range(CLOCK_WORDS)
 
+# Indicators of a component: the first and the one after the last among all, and the number of the clock that is due
+# where one has crossed zero.
+WATCHED_WORDS = 3
+FIRST_INDICATOR, END_INDICATOR, CROSSED = range(WATCHED_WORDS)
+
 # A group of probes that are copied to a buffer every so many ticks: [time, probed words…] a row, CAPACITY rows at most.
 GROUP_WORDS = 7
 GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = range(7)
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 50
+CONTROL_WORDS = 59
 (
     ROWS,
     BANKS,
@@ -105,7 +111,16 @@ CONTROL_WORDS = 50
     COARSE,  # how many steps were too long, and yet the smallest
     SHORTEST,  # the shortest step so far, in ticks
     LONGEST,
-) = range(50)
+    N_INDICATORS,
+    Z,  # the indicators
+    WAS,  # what they were when they were looked at last
+    HIGH,  # what they are beyond a crossing
+    DIRECTION,  # how they have crossed
+    WANTED,  # which crossings are events: 1 upwards, -1 downwards, 0 both, float64 numbers
+    WATCHED,  # whose indicators they are
+    N_WATCHED,
+    LOOKED,  # whether they have been looked at
+) = range(59)
 
 ENDED = 2  # what ENDING becomes
 

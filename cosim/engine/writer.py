@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.authoring.declaration import Function
+from cosim.authoring.variables import Indicator
 from cosim.compiling.frame import frame_of
 from cosim.engine import tables
 from cosim.engine.allocation import Place
@@ -33,9 +34,9 @@ class Call:
 class Writer:
     """Appends rows, and remembers which belong to which phase.
 
-    started: the row after which a state is set that a start function computes.
-    loops: those that are solved, by row. at_end: whether a row is done at the
-    end of a step, clock: the number of the clock by which it is, from 1; 0: at every communication point.
+    started: the row after which a state is set that a start function computes. loops: those that are solved, by row.
+    watching: the clock of an event, of components with indicators. at_end: whether a row is done at the end of a step;
+    clock: the number of the clock by which it is, from 1; 0: at every communication point.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -49,6 +50,8 @@ class Writer:
         self.loops: dict[int, Loop] = {}
         self._tableaus: dict[str, int] = {}
         self._clocks = {clock: k + 1 for k, clock in enumerate(self.network.schedule.clocks)}
+        watching = [c.name for c in self.network.components.values() if any(c.declaration.of(Indicator))]
+        self.watching = {name: len(self._clocks) + k + 1 for k, name in enumerate(watching)}
 
     def begin(self) -> int:
         """Where the next row goes."""
@@ -86,7 +89,7 @@ class Writer:
         clock: int = 0,
     ) -> None:
         """Call a function; stage: on the outputs of an integration's stage; hidden: and on its states."""
-        places = {name: self.layout.argument(component, name, stage, hidden) for name in function.arguments}
+        places = {name: self.layout.argument(component, function, name, stage, hidden) for name in function.arguments}
         frame = frame_of(component.declaration, function, component.constants())
         sizes = {name: component.axes[name].size for name in frame.dimensions}
         placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None}
