@@ -39,7 +39,7 @@ class Tableau:
         return len(self.stages) + 1
 
     def words(self) -> list[float]:
-        """What `cosim.engine.loop` reads: node, denominator and `count` numerators of each row, of the last one too."""
+        """What `cosim.master.loop` reads: node, denominator and `count` numerators of each row, of the last one too."""
         words: list[float] = []
         for row in (*self.stages, self.weights):
             rest = [0] * (self.count - len(row.numerators))

@@ -26,13 +26,14 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from cosim.compiling import compiler
-from cosim.engine import probes, run, tables
-from cosim.engine.histories import FRESH, HISTORY_WORDS, ROOM, TO, WORDS, words
+from cosim.engine import probes, run
 from cosim.engine.layout import VECTORS
 from cosim.engine.simulation import Simulation
 from cosim.export import build, exporter
 from cosim.integrators import HEAD
 from cosim.machine import object_code
+from cosim.master import tables
+from cosim.master.histories import FRESH, HISTORY_WORDS, ROOM, TO, WORDS, words
 
 WORK = Path(os.environ["SANITIZED"])
 os.environ["COSIM_CACHE"] = str(WORK / "cache")  # its code is watched, or none

@@ -14,6 +14,7 @@ FLOORS = (
     "errors",
     "integrators",
     "machine",
+    "master",
     "language",
     "authoring",
     "results",

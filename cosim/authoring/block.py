@@ -27,8 +27,8 @@ function           writes
 ``update``         ``next_<state>`` for the discrete states, once a period; it comes with the state's value, so that
                    what stays need not be written
 ``indicators``     the event indicators that it names: where one crosses zero, there is an event
-``event``          ``next_<state>`` for the states, also continuous ones, that an event resets; an indicator's name stands
-                   for how it has crossed there: 1 upwards, -1 downwards, 0 not
+``event``          ``next_<state>`` for the states, also continuous ones, that an event resets; the name of an indicator
+                   stands there for how it has crossed: 1 upwards, -1 downwards, 0 not
 =================  ==========================================================================================
 
 A scalar that is read comes as a number, one that is written as an array of one element. ``time`` (s) may be named by

@@ -35,7 +35,7 @@ class LoopWords:
 
     step: the address of the communication step (s). inner_steps: in how many its states are integrated in one,
     each of so many stages; tableau: of the integrator, as of `Tableau.words`. joint: with the states of all others.
-    ending: the address of the word that ends the run, see `cosim.engine.tables`. again: of the word that asks for
+    ending: the address of the word that ends the run, see `cosim.master.tables`. again: of the word that asks for
     another evaluation of outputs.
     """
 

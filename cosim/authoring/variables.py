@@ -15,7 +15,7 @@ class Variable:
 
     shape: sizes or names of dimensions, () for a scalar. unit: one for all elements, or one for each element of the
     first axis, or None where the block does not care. dtype: one of `cosim.authoring.naming.TYPES`; a block that is no
-    author's may have others. finite: a run in which it becomes NaN, infinite or as large as `cosim.engine.loop.LIMIT`
+    author's may have others. finite: a run in which it becomes NaN, infinite or as large as `cosim.master.loop.LIMIT`
     has diverged; False for what means something by NaN or infinity, such as a table of events or the distance to
     nobody.
     """

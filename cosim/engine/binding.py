@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from cosim.engine import interpretation, loop, tables
+from cosim.engine import interpretation
 from cosim.engine.compilation import Kernels
 from cosim.engine.probes import Buffers
 from cosim.engine.program import Program
 from cosim.machine import memory
+from cosim.master import loop, tables
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 _handles = count(1)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cosim.compiling import kernels
-from cosim.engine import loop
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
+from cosim.master import loop
 from cosim.wiring.network import Component
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.authoring.variables import Indicator, Local, State
-from cosim.engine import faults, loop, newton
+from cosim.engine import faults
 from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError, Diverged
+from cosim.master import loop, newton
 
 KINDS = {"output": "output", "calculatedParameter": "calculated parameter"}
 

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from cosim.authoring.foreign import Part
-from cosim.engine import tables
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError
 from cosim.machine.supervision import Crew, Ended, Patience, never
 from cosim.machine.worker import Abandoned, Worker
+from cosim.master import tables
 
 ENGINE = "engine"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.engine.allocation import Allocation, Place
-from cosim.engine.histories import head, words
+from cosim.master.histories import head, words
 from cosim.wiring.clocks import exact
 from cosim.wiring.network import Component, Signal
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cosim.engine import faults, tables
+from cosim.engine import faults
 from cosim.engine.allocation import Place
 from cosim.engine.writer import Call
+from cosim.master import tables
 
 TEXT_BYTES = 1024  # of what a function that raised says
 

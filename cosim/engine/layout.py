@@ -101,6 +101,12 @@ class Layout(Allocation):
         """Where the derivative of a continuous state lies."""
         return state.moved(self.vectors["D"] - self.vectors["X"])
 
+    def part(self, component: Component) -> tuple[int, int]:
+        """Where a component's continuous states are in the state vector: the first, and the one after the last."""
+        states = component.declaration.continuous()
+        at = (self.own(Signal(component.name, states[0].name)).offset - self.vectors["X"]) // 8
+        return at, at + sum(component.count * component.nbytes(s) for s in states) // 8
+
     def unknowns(self, loop: Loop) -> int:
         """The offset of what the loop's SOLVE has to know of an algebraic loop, and works with; see `loop.py`."""
         places = [self.places[signal] for signal in loop.torn]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.engine import tables
 from cosim.engine.program import Program
+from cosim.master import tables
 from cosim.wiring.network import Signal
 
 BUFFER_BYTES = 4_000_000
@@ -53,7 +53,7 @@ class Column:
 class Buffers:
     """The rows of all groups, as the loop fills them; words: zeroed words that a run's processes share.
 
-    groups, rows: the tables that the loop reads, see `cosim.engine.loop`.
+    groups, rows: the tables that the loop reads, see `cosim.master.loop`.
     """
 
     def __init__(

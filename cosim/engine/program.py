@@ -25,12 +25,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.authoring.variables import CROSSINGS, Indicator, Input, Parameter
-from cosim.engine import newton, tables
 from cosim.engine.allocation import Place, copy_of
 from cosim.engine.layout import Layout
-from cosim.engine.methods import gauss_seidel, iterated, jacobi, joint
+from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.errors import FmuError
+from cosim.master import newton, tables
 from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
@@ -39,14 +39,14 @@ NEVER = 1 << 62  # a tick that no run reaches
 METHODS = {
     "jacobi": jacobi.advance,
     "gauss-seidel": gauss_seidel.advance,
-    "iterated": iterated.advance,
+    "iterated": jacobi.advance,  # which `attempts` repeats
     "joint": joint.advance,
 }
 
 
 @dataclass(frozen=True)
 class Attempts:
-    """How steps are judged and repeated, see `cosim.engine.attempts`.
+    """How steps are judged and repeated, see `cosim.master.attempts`.
 
     starts: whether one is repeated that has nothing to extrapolate from. histories: offset and size of their table.
     """
@@ -74,7 +74,7 @@ class Watched:
 
 @dataclass
 class Program:
-    """What the loop needs of a diagram, position-independent; see `cosim.engine.loop` for the columns.
+    """What the loop needs of a diagram, position-independent; see `cosim.master.loop` for the columns.
 
     phases: the rows of each, by name. started: the row after which a state is set that a start function computes.
     loops: algebraic loops, by the row that solves them. clocks: the offset of those of blocks.

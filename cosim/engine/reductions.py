@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from cosim.authoring.variables import Local, Output
 from cosim.engine.courses import Courses
 from cosim.engine.outcome import Event
 from cosim.engine.probes import Samples
-from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, MetricError
 from cosim.results import metrics
 from cosim.results.metrics import Events, Final, Reduction
@@ -64,13 +64,13 @@ class Reductions:
         for signal, courses in self._courses.items():
             courses.update(samples.times, samples.values[signal])
 
-    def values(self, simulation: Simulation) -> tuple[dict[str, Any], CosimError | None]:
+    def values(self, time: float, value: Callable[[Signal], np.ndarray]) -> tuple[dict[str, Any], CosimError | None]:
         """The metrics' values, and why one of them has none where that is a mistake."""
-        now, wrong = np.array([simulation.time]), None
+        now, wrong = np.array([time]), None
         values: dict[str, Any] = dict.fromkeys(self.metrics)
         for name, (signal, reduction) in self.metrics.items():
             if self._at_end(reduction):
-                reduction.update(now, simulation.value(signal)[None])
+                reduction.update(now, value(signal)[None])
             try:
                 values[name] = reduction.value()
             except MetricError as error:

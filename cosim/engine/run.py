@@ -133,7 +133,7 @@ class Run:
             status, error = "failed", stopped
         except KeyboardInterrupt:
             status = "interrupted"
-        figures, wrong = self.reductions.values(self.simulation)
+        figures, wrong = self.reductions.values(self.simulation.time, self.simulation.value)
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from cosim.authoring.foreign import LoopWords, Part
-from cosim.engine import failures, hosts, tables
+from cosim.engine import failures, hosts
 from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
 from cosim.engine.compilation import Kernels
@@ -25,6 +25,7 @@ from cosim.engine.program import Program
 from cosim.errors import CosimError
 from cosim.integrators import INTEGRATORS
 from cosim.machine import floating, memory, supervision
+from cosim.master import tables
 from cosim.wiring.network import Component, Signal
 
 BATCH_SECONDS = 0.04

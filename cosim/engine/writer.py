@@ -10,10 +10,10 @@ import numpy as np
 from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Indicator
 from cosim.compiling.frame import frame_of
-from cosim.engine import tables
 from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout
 from cosim.integrators import INTEGRATORS
+from cosim.master import tables
 from cosim.wiring import order
 from cosim.wiring.network import Component, Coupling, Loop, Network, Signal, Task
 
@@ -124,16 +124,9 @@ class Writer:
             if signal.component == component.name:
                 self.copy(self.layout.places[signal].offset, place.offset, self.layout.bytes_of(signal), clock)
 
-    def publish_states(self, component: Component | None = None) -> None:
-        """Publish the states that an integration has left in W, of one component or all."""
-        self._copy_states("X", "W", component)
-
-    def stage_states(self, component: Component) -> None:
-        """Have an integration begin in W with what is published."""
-        self._copy_states("W", "X", component)
-
-    def _copy_states(self, to: str, source: str, component: Component | None) -> None:
-        begin, end = self.part(component) if component else (0, self.layout.states)
+    def copy_states(self, to: str, source: str, component: Component | None = None) -> None:
+        """Copy a vector over the continuous states to another, of one component or all: X is published, W a stage."""
+        begin, end = self.layout.part(component) if component else (0, self.layout.states)
         vectors = self.layout.vectors
         self.copy(vectors[to] + 8 * begin, vectors[source] + 8 * begin, 8 * (end - begin))
 
@@ -174,8 +167,6 @@ class Writer:
             size = self.layout.bytes_of(source)
             self.copy(to, self.layout.offset_of(source), size, clock)
             to += size
-
-    # ---- histories ----
 
     def remember(self, component: Component, port: str, at_end: bool = False) -> None:
         """Keep what a wire brings now, for an input that is read late or extrapolated."""

@@ -20,13 +20,13 @@ from typing import Literal
 
 from cosim.compiling.adapters import KernelSource, block_source, raw_source
 from cosim.compiling.fingerprint.text import obstacle
-from cosim.engine import loop
 from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
 from cosim.export import c_source
 from cosim.export.model import Model
 from cosim.export.model_description import ModelDescription
 from cosim.fmu.fmi import Version
 from cosim.machine import cache
+from cosim.master import loop
 from cosim.wiring.network import Component
 
 WRAPPER = Path(__file__).parent / "wrapper"

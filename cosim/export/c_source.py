@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from cosim.engine import tables
 from cosim.export.model import PHASES, Model, rows
 from cosim.export.model_description import ModelDescription
+from cosim.master import tables
 
 
 def layout() -> str:
-    """The constants of `cosim.engine.tables` as a header, so that the two cannot drift apart."""
+    """The constants of `cosim.master.tables` as a header, so that the two cannot drift apart."""
     names = {name: value for name, value in vars(tables).items() if name.isupper() and isinstance(value, int)}
     names |= {name: number for number, name in enumerate(PHASES)}
     lines = [f"    ENGINE_{name} = {value}," for name, value in names.items() if not name.startswith("_")]

@@ -10,12 +10,13 @@ from typing import Literal
 import numpy as np
 
 from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, Period, State, Unit, Variable
-from cosim.engine import program, tables
+from cosim.engine import program
 from cosim.engine.allocation import Place
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError
 from cosim.export.subnetwork import SubNetwork
+from cosim.master import tables
 from cosim.wiring.network import Component, Network, Signal
 
 Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED"]

@@ -1,7 +1,7 @@
 """The kernel that stands between the loop and an FMU: set inputs, step, get outputs, handle events.
 
 Generic: one compiled function serves every FMU of either FMI version, because all that differs is data, laid out as
-`cosim.fmu.fields` says. Like `cosim.engine.loop`, this is one source for both engines, and nothing here allocates or
+`cosim.fmu.fields` says. Like `cosim.master.loop`, this is one source for both engines, and nothing here allocates or
 returns to Python.
 
 The calls keep to the state machines of FMI 2.0.5 (sections 3.2.3 and 4.2.4) and FMI 3.0.2 (sections 2.3, 3.2, 4.2):

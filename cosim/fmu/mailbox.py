@@ -4,7 +4,7 @@ Both processes have the arena at the same address, so a call is only its number 
 Each side writes its own cache lines. Who waits first spins, then yields its processor, then sleeps until it is woken;
 how long it spins follows from whether that helped, because where the other side has no processor, spinning takes it
 one.
-Like `cosim.engine.loop`, this is one source for both engines.
+Like `cosim.master.loop`, this is one source for both engines.
 """
 
 from __future__ import annotations

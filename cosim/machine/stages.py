@@ -1,6 +1,6 @@
 """The states of a Runge-Kutta stage, out of slopes that lie in memory one vector after the other.
 
-Like `cosim.engine.loop`, this is one source for both engines.
+Like `cosim.master.loop`, this is one source for both engines.
 """
 
 from __future__ import annotations

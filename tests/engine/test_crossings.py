@@ -325,7 +325,7 @@ def test_an_event_causes_others_at_the_same_time(ran):
 
 
 def test_what_a_sampled_block_sets_may_be_an_event(ran):
-    """The held sine crosses zero where it is sampled, and at no other time; it is zero at first, and crosses nothing."""
+    """The held sine crosses zero where it is sampled, and nowhere else; at first it is zero, and crosses nothing."""
     text = """
     run: {stop: 4, step: 0.1}
     blocks:

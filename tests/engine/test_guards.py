@@ -10,11 +10,12 @@ import time
 import numpy as np
 import pytest
 
-from cosim.engine import compilation, program, run, tables
+from cosim.engine import compilation, program, run
 from cosim.engine import probes as probing
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
 from cosim.errors import DiagramErrors, Diverged, WrongValue
+from cosim.master import tables
 from cosim.wiring.network import Signal
 
 FLEET = """

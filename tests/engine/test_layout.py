@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.engine import compilation, program, tables
+from cosim.engine import compilation, program
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
+from cosim.master import tables
 from cosim.wiring.network import Signal
 
 EVERYTHING = """

@@ -46,7 +46,7 @@ def _bank(writer: Writer, component: Component) -> int:
     first = writer.derivatives([component])
     inner = writer.stage(component, hidden=not in_place)
     return writer.bank(
-        writer.part(component),
+        writer.layout.part(component),
         in_place,
         component.integrator,
         component.inner_steps,
@@ -58,7 +58,7 @@ def _bank(writer: Writer, component: Component) -> int:
 def _integrate(writer: Writer, component: Component, bank: int) -> None:
     in_place = _is_in_place(component)
     if not in_place:
-        writer.stage_states(component)
+        writer.copy_states("W", "X", component)
     writer.integrate(bank)
     if not in_place:
-        writer.publish_states(component)
+        writer.copy_states("X", "W", component)

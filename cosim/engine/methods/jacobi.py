@@ -29,7 +29,7 @@ def advance(writer: Writer, _tasks: Sequence[Task | Loop]) -> None:
     for bank in banks:
         writer.integrate(bank)
     if not single:
-        writer.publish_states()
+        writer.copy_states("X", "W")
     writer.phase("ADVANCE", begin)
 
 
@@ -43,4 +43,4 @@ def _at_once(writer: Writer, components: Sequence[Component]) -> list[int]:
 def _bank(writer: Writer, component: Component) -> int:
     first = writer.derivatives([component])
     inner = writer.stage(component, hidden=True)
-    return writer.bank(writer.part(component), False, component.integrator, component.inner_steps, first, inner)
+    return writer.bank(writer.layout.part(component), False, component.integrator, component.inner_steps, first, inner)

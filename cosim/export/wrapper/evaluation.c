@@ -1,4 +1,4 @@
-/* Computing: initial values, outputs, derivatives, steps and sample instants, all by the loop of `cosim.engine.loop`. */
+/* Computing: initial values, outputs, derivatives, steps and sample instants, all by the loop of `cosim.master.loop`. */
 #include "instance.h"
 
 #include <math.h>

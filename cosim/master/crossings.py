@@ -15,9 +15,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.histories import forget
-from cosim.engine.stepping import advance, hush, perform
-from cosim.engine.tables import (
+from cosim.machine.memory import reals_at, words_at
+from cosim.master.histories import forget
+from cosim.master.stepping import advance, hush, perform
+from cosim.master.tables import (
     AGAIN,
     CLOCK_WORDS,
     CLOCKS,
@@ -50,7 +51,6 @@ from cosim.engine.tables import (
     WATCHED_WORDS,
     Z,
 )
-from cosim.machine.memory import reals_at, words_at
 
 ROUNDING = 2.0**-44  # of the time and the step: how near a crossing is found
 MOMENT = 2.0**-20  # of what is left of a step: when the sign of what an event has reset is looked at

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.rows import operate
-from cosim.engine.tables import (
+from cosim.integrators import HEAD, NODE
+from cosim.machine.memory import reals_at, words_at
+from cosim.machine.stages import move
+from cosim.master.rows import operate
+from cosim.master.tables import (
     BANK_WORDS,
     BANKS,
     BEGIN,
@@ -28,9 +31,6 @@ from cosim.engine.tables import (
     W,
     X,
 )
-from cosim.integrators import HEAD, NODE
-from cosim.machine.memory import reals_at, words_at
-from cosim.machine.stages import move
 
 
 def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:

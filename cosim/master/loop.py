@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.attempts import attempt
-from cosim.engine.rows import operate
-from cosim.engine.stepping import advance, next_point, perform, strike, time_at
-from cosim.engine.tables import (
+from cosim.machine.memory import integers_at, load, reals_at, words_at
+from cosim.master.attempts import attempt
+from cosim.master.rows import operate
+from cosim.master.stepping import advance, next_point, perform, strike, time_at
+from cosim.master.tables import (
     AGAIN,
     ATTEMPTS,
     BUFFER,
@@ -60,7 +61,6 @@ from cosim.engine.tables import (
     X,
     copy,
 )
-from cosim.machine.memory import integers_at, load, reals_at, words_at
 
 LIMIT = 2.0**332
 """From this magnitude on, about 1e100, a value has diverged: no quantity is as large; its fourth power overflows."""

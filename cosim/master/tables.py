@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.histories import forget, push, trace
 from cosim.machine.memory import call, words_at
+from cosim.master.histories import forget, push, trace
 
 # Status of a call and of a run: FMI's, and three more.
 OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS = range(8)

@@ -18,10 +18,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.engine.crossings import anticipate, pursue
-from cosim.engine.histories import measure, misfit, order_of
-from cosim.engine.stepping import advance, hush, perform, time_at
-from cosim.engine.tables import (
+from cosim.machine.memory import reals_at, words_at
+from cosim.master.crossings import anticipate, pursue
+from cosim.master.histories import measure, misfit, order_of
+from cosim.master.stepping import advance, hush, perform, time_at
+from cosim.master.tables import (
     COARSE,
     CONTROL_WORDS,
     ENDING,
@@ -48,7 +49,6 @@ from cosim.engine.tables import (
     TOLERANCE,
     WARNING,
 )
-from cosim.machine.memory import reals_at, words_at
 
 SAFETY = 0.9
 LEAST, MOST = 0.2, 5.0  # by how much the next step may be shorter or longer than the last

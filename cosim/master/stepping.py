@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.integration import integrate
-from cosim.engine.rows import operate
-from cosim.engine.tables import (
+from cosim.machine.memory import reals_at, words_at
+from cosim.master.integration import integrate
+from cosim.master.rows import operate
+from cosim.master.tables import (
     ADVANCE,
     CLOCK_WORDS,
     CLOCKS,
@@ -35,7 +36,6 @@ from cosim.engine.tables import (
     A,
     B,
 )
-from cosim.machine.memory import reals_at, words_at
 
 
 def next_point(c: Any, base: int, k: int) -> int:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.newton import solve
-from cosim.engine.tables import KIND, LOOPS, OK, ROW_BYTES, ROW_WORDS, ROWS, SOLVE, WARNING, B, evaluate
 from cosim.machine.memory import words_at
+from cosim.master.newton import solve
+from cosim.master.tables import KIND, LOOPS, OK, ROW_BYTES, ROW_WORDS, ROWS, SOLVE, WARNING, B, evaluate
 
 
 def operate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.engine.tables import (
+from cosim.machine.memory import reals_at, words_at
+from cosim.master.tables import (
     AT,
     BLOCKS,
     EQUATIONS,
@@ -34,7 +35,6 @@ from cosim.engine.tables import (
     C,
     evaluate,
 )
-from cosim.machine.memory import reals_at, words_at
 
 MOST_ITERATIONS = 50
 TOLERANCE = 1e-13  # of a residual, or of a step, over the unknown's size
