@@ -44,10 +44,10 @@ class RunSettings:
     stop: float
     step: float
     method: str
-    extrapolation: int
     coupling_tolerance: float | None
     smallest_step: float | None
     rollback: bool
+    extrapolation: int
     integrator: str
     inner_steps: int
     patience: float

@@ -152,7 +152,7 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
             object.__setattr__(part, name, old)
             seen.append(f"{kind.__name__}.{name}")
     assert key() == before
-    some = "RunSettings.step Record.period MetricEntry.start Program.rows Call.frame State.start Clock.period"
+    some = "RunSettings.step Record.period MetricEntry.start Program.rows Call.frame State.start Attempts.tolerance"
     some += " Function.python Place.offset BlockEntry.settings Declaration.compiled Diagram.metrics"
     assert set(some.split()) <= set(seen)
 
