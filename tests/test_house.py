@@ -23,6 +23,7 @@ FLOORS = (
     "wiring",
     "engine",
     "study",
+    "accuracy",
     "export",
     "report",
     "terminal",

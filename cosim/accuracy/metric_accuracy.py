@@ -1,0 +1,137 @@
+"""How sure a metric is: a number by its limit; what is counted by whether it is the same at all steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim.accuracy import limit as limits
+from cosim.accuracy.accuracies import AGREES, CHANGES, Accuracy, ErrorPart
+from cosim.accuracy.limit import NO_ORDER, ORDER, ROUNDING, UNSETTLED, Limit
+from cosim.accuracy.refined_runs import Observation
+from cosim.accuracy.refinement import COUPLING, INTEGRATION, TOTAL, Refinement, Triple
+from cosim.results.formatting import format_seconds, format_value
+from cosim.results.metrics import Array, for_json
+
+WORST_FIRST = (NO_ORDER, UNSETTLED, ORDER, ROUNDING)
+
+
+class MetricJudge:
+    """Judges metrics by runs with the steps of TOTAL; with those of INTEGRATION and COUPLING, their parts too.
+
+    highest: the order up to which theory goes. steps: how many steps of integration the longest run has.
+    """
+
+    def __init__(self, runs: Mapping[Refinement, Observation], highest: int, steps: int) -> None:
+        self._runs, self._highest, self._steps = runs, highest, steps
+
+    def judge(self, name: str, unit: str, doubted: str = "") -> Accuracy:
+        """A metric's accuracy. doubted: why it has no order, where that is known."""
+        runs = [self._runs[refinement] for refinement in TOTAL]
+        values = tuple(run.observed.figures[name] for run in runs)
+        steps = [run.step for run in runs]
+        rows = _numbers(values)
+        if rows is None:
+            return _events(values, steps) if all(map(_are_events, values)) else _counted(values, steps, unit)
+        believed = not doubted and limits.falls(*(run.observed.course(name) for run in runs))
+        found = self._limits(name, TOTAL, believed)
+        errors = tuple(max(map(Limit.error, found, row)) for row in rows.tolist())
+        kind, order = _worst(found)
+        accuracy = Accuracy(kind, order, unit, values, errors, float(np.abs(rows[0]).max()), tuple(found))
+        accuracy.said = doubted if kind == NO_ORDER else ""
+        if all(refinement in self._runs for refinement in (*COUPLING, *INTEGRATION)):
+            accuracy.coupling = self._part(name, COUPLING, believed)
+            accuracy.integration = self._part(name, INTEGRATION, believed)
+        return accuracy
+
+    def _limits(self, name: str, triple: Triple, believed: bool) -> list[Limit]:
+        """The limit of each element of a metric; none where they are no numbers."""
+        rows = _numbers([self._runs[refinement].observed.smooth(name) for refinement in triple])
+        if rows is None:
+            return []
+        noise = limits.noise(float(np.abs(rows).max()), self._steps, bool((rows == rows[0]).all()))
+        return [limits.limit(column, self._highest, noise, believed) for column in rows.T.tolist()]
+
+    def _part(self, name: str, triple: Triple, believed: bool) -> ErrorPart | None:
+        found = self._limits(name, triple, believed)
+        rows = _numbers([self._runs[triple[0]].observed.smooth(name)])
+        if not found or rows is None or len(rows[0]) != len(found):
+            return None
+        kind, order = _worst(found)
+        if len(found) == 1 and order is not None:
+            return ErrorPart(found[0].offset(float(rows[0, 0])), kind, order, signed=True)
+        return ErrorPart(max(map(Limit.error, found, rows[0].tolist())), kind, order)
+
+
+def error(accuracy: Accuracy, name: str, run: Observation) -> float:
+    """By how much a metric, by its name, may be off in another run; infinite where that has no number."""
+    rows = _numbers([run.observed.figures[name]])
+    if rows is None or len(rows[0]) != len(accuracy.limits):
+        return math.inf
+    return max(map(Limit.error, accuracy.limits, rows[0].tolist()))
+
+
+def _worst(found: Sequence[Limit]) -> tuple[str, float | None]:
+    """The kind of the least certain limit, and the order of the widest one if all have one."""
+    kind = min((one.kind for one in found), key=WORST_FIRST.index)
+    return kind, None if kind == NO_ORDER else max(found, key=lambda one: one.high - one.low).order
+
+
+def _numbers(values: Sequence[Any]) -> Array | None:
+    """Metrics as rows of numbers, those left out that are not finite and the same in all; None if that is not so."""
+    if not all(map(_is_real, values)):
+        return None
+    arrays = [np.ravel(np.asarray(value, float)) for value in values]
+    if len({array.shape for array in arrays}) > 1:
+        return None
+    rows = np.array(arrays)
+    finite = np.isfinite(rows).all(axis=0)
+    others = rows[:, ~finite]
+    same = all(np.array_equal(others[0], other, equal_nan=True) for other in others)
+    return rows[:, finite] if same and finite.any() else None
+
+
+def _is_real(value: Any) -> bool:
+    """Whether a metric is a float, or nested lists of such."""
+    return isinstance(value, float) or (isinstance(value, list) and bool(value) and all(map(_is_real, value)))
+
+
+def _are_events(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(event, Mapping) for event in value)
+
+
+def _counted(values: tuple[Any, ...], steps: Sequence[float], unit: str) -> Accuracy:
+    """What is the same, or is not."""
+    same = all(for_json(value) == for_json(values[0]) for value in values)
+    if same:
+        return Accuracy(AGREES, unit=unit, values=values)
+    return Accuracy(CHANGES, unit=unit, values=values, said=_changes([format_value(v) for v in values], steps))
+
+
+def _events(values: tuple[list[Any], ...], steps: Sequence[float]) -> Accuracy:
+    """Events agree if the same happened; their times are those of steps, so no surer than the finest of these."""
+    happened = [sorted(events, key=_who) for events in values]
+    names = [[_who(event) for event in events] for events in happened]
+    if names[0] != names[1] or names[1] != names[2]:
+        counts = [str(len(events)) for events in values]
+        lists = [", ".join("–".join(map(str, who)) for who in row) or "none" for row in names]
+        return Accuracy(
+            CHANGES, unit="s", values=values, said=_changes(counts if len(set(counts)) > 1 else lists, steps)
+        )
+    times = np.array([[event["time"] for event in events] for events in happened])
+    found = [limits.limit(column, 1, steps[-1], False) for column in times.T.tolist()]
+    errors = tuple(max(map(Limit.error, found, row)) for row in times.tolist()) if found else ()
+    return Accuracy(AGREES, unit="s", values=values, errors=errors, limits=tuple(found))
+
+
+def _who(event: Mapping[str, Any]) -> list[int]:
+    """The members that an event is of."""
+    return list(event["pair"]) if "pair" in event else [event["member"]]
+
+
+def _changes(words: Sequence[str], steps: Sequence[float]) -> str:
+    at = ", ".join(f"{word} at {format_seconds(step)}" for word, step in zip(words, steps, strict=True))
+    return f"{at}: depends on the step"
