@@ -8,14 +8,22 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from cosim.accuracy import largest_step, metric_accuracy, refinement
+from cosim.accuracy import largest_step, metric_accuracy
 from cosim.accuracy.accuracies import CHANGES, Accuracy
 from cosim.accuracy.largest_step import Subject, Wanted
 from cosim.accuracy.metric_accuracy import MetricJudge
 from cosim.accuracy.refined_runs import Observation, RefinedRuns
-from cosim.accuracy.refinement import COUPLING, INTEGRATION, TOTAL, Refinement
+from cosim.accuracy.refinement import (
+    COUPLING,
+    INTEGRATION,
+    TOTAL,
+    Refinement,
+    elsewhere,
+    highest_order,
+    sampled_by_the_step,
+    why_one,
+)
 from cosim.accuracy.signal_accuracy import SignalJudge
-from cosim.engine.outcome import Outcome
 from cosim.errors import NoCertificate
 from cosim.results.formatting import format_seconds
 from cosim.wiring.network import Network, Signal
@@ -61,17 +69,17 @@ class Certificate:
 
 
 def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
-    """The certificate of a diagram, with all parts, by six runs; by more, with larger steps, where errors are wanted.
+    """The certificate of a diagram, with all parts, by seven runs; by more, with larger steps, where errors are wanted.
 
     Raises: NoCertificate where a run with a smaller step does not come to its end; else as `RefinedRuns.observe`.
     """
     began, network = time.perf_counter(), runs.network
-    whole = refinement.why_one(network)
-    observed = runs.observe({*TOTAL} if whole else {*TOTAL, *INTEGRATION, *COUPLING})
-    whole = whole or _dropped(observed)
+    whole = why_one(network)
+    parts = set() if whole else {*INTEGRATION, *COUPLING}
+    observed = runs.observe({*TOTAL, *parts, *elsewhere(network)})
     made = _begun(network, observed)
     made.notes += [whole] if whole else []
-    doubts = refinement.sampled_by_the_step(network)
+    doubts = sampled_by_the_step(network)
     with SignalJudge(observed, *_theory(network)) as judge:
         for signal in network.recorded:
             made.signals[str(signal)] = judge.judge(str(signal), _unit(network, signal), _doubt(doubts, signal))
@@ -81,9 +89,9 @@ def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
 
 
 def certify_run(done: Observation, runs: RefinedRuns) -> Certificate:
-    """The certificate of a run that is done, of its metrics alone, by two more. Raises: as `certify`."""
+    """The certificate of a run that is done, of its metrics alone, by three more. Raises: as `certify`."""
     began = time.perf_counter()
-    observed = {TOTAL[0]: done, **runs.observe(TOTAL[1:])}
+    observed = {TOTAL[0]: done, **runs.observe({*TOTAL[1:], *elsewhere(runs.network)})}
     return _counted(_begun(runs.network, observed), observed, began)
 
 
@@ -93,52 +101,48 @@ def _counted(made: Certificate, observed: Runs, began: float) -> Certificate:
     return made
 
 
-def _begun(network: Network, observed: Runs) -> Certificate:
-    """With the metrics. Raises: NoCertificate."""
+def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certificate:
+    """With the metrics; runs that have failed, and only give more, are left out. Raises: NoCertificate."""
     _require_ends(observed)
-    run, doubts = network.diagram.run, refinement.sampled_by_the_step(network)
+    doubts = sampled_by_the_step(network)
+    notes = [_sampled(name) for name in dict.fromkeys(doubts.values())]
+    notes += [_left_out(r, observed.pop(r)) for r in [*observed] if observed[r].outcome.status != "completed"]
     judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units
     metrics = {name: judge.judge(name, units[name], _doubt(doubts, signal)) for name, signal in network.reduced.items()}
-    notes = [_sampled(name) for name in dict.fromkeys(doubts.values())]
     steps = tuple(observed[refinement].step for refinement in TOTAL)
-    return Certificate(str(network.diagram.path), run.method, steps, metrics, notes=notes)
+    return Certificate(str(network.diagram.path), network.diagram.run.method, steps, metrics, notes=notes)
 
 
 def _require_ends(observed: Runs) -> None:
     """Raises: NoCertificate, with every step at which a run does not come to its end."""
-    ends = {observed[refinement].step: observed[refinement].outcome for refinement in TOTAL}
-    failed = [f"at {_ending(step, outcome)}" for step, outcome in ends.items() if outcome.status != "completed"]
+    runs = [observed[refinement] for refinement in TOTAL]
+    failed = [run for run in runs if run.outcome.status != "completed"]
     if not failed:
         return
-    whole = [format_seconds(step) for step, outcome in ends.items() if outcome.status == "completed"]
+    whole = [format_seconds(run.step) for run in runs if run not in failed]
     also = f"; at {' and '.join(whole)} it comes to its end" if whole else ""
-    errors = [outcome.error for outcome in ends.values() if outcome.error]
-    fix = "a smaller `run.step`, if the step is too large for the method" if whole else errors[0].fix if errors else ""
-    message = f"nobody can tell how wrong the figures are: {'; '.join(failed)}{also}"
-    raise NoCertificate(message, errors[0].position if errors else None, fix)
+    error = next((run.outcome.error for run in failed if run.outcome.error), None)
+    fix = "a smaller `run.step`, if the step is too large for the method" if whole else error.fix if error else ""
+    message = f"nobody can tell how wrong the figures are: {'; '.join(map(_ending, failed))}{also}"
+    raise NoCertificate(message, error.position if error else None, fix)
 
 
-def _ending(step: float, outcome: Outcome) -> str:
-    return f"{format_seconds(step)} the run {ENDINGS[outcome.status]}: {outcome.reason}"
+def _ending(run: Observation) -> str:
+    return f"with steps of {format_seconds(run.step)} the run {ENDINGS[run.outcome.status]}: {run.outcome.reason}"
 
 
-def _dropped(observed: dict[Refinement, Observation]) -> str:
-    """Why the errors' parts cannot be told, as a run that only they need has failed; such runs are left out."""
-    wrong = [r for r, run in observed.items() if run.outcome.status != "completed" and r not in TOTAL]
-    if not wrong:
-        return ""
-    outcome, first = observed[wrong[0]].outcome, wrong[0]
-    for refined in wrong:
-        del observed[refined]
-    said = f"with {first.inner} times the inner steps, at {_ending(observed[TOTAL[0]].step / first.steps, outcome)}"
-    return f"coupling and integration are not told apart: {said}"
+def _left_out(refinement: Refinement, run: Observation) -> str:
+    """What cannot be told without a run."""
+    if refinement.lies_elsewhere:
+        return f"not looked at with steps that lie elsewhere: {_ending(run)}"
+    return f"coupling and integration are not told apart: in {refinement.inner} times the inner steps, {_ending(run)}"
 
 
 def _theory(network: Network) -> tuple[int, int]:
     """The highest order that theory admits, and how many steps of integration the longest run has."""
     run = network.diagram.run
     inner = max([run.inner_steps, *(component.inner_steps for component in network.components.values())])
-    return refinement.highest_order(network), run.steps * inner * TOTAL[-1].steps
+    return highest_order(network), run.steps * inner * TOTAL[-1].steps
 
 
 def _unit(network: Network, signal: Signal) -> str:

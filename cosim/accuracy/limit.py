@@ -30,6 +30,8 @@ NEAR = 0.25
 """How far an observed order may be from a whole number."""
 ALIKE = 0.5
 """Cosine of the angle between two differences of a course, from which they point the same way; of noise it is -0.5."""
+STRAYING = 0.5
+"""What part of the difference between y(h) and y(h/4) a run whose steps lie elsewhere may stray from the order."""
 ROUNDINGS = 4.0
 """The rounding errors of n steps walk at random: they add up to this many times sqrt(n) units in the last place."""
 EPSILON = float(np.finfo(float).eps)
@@ -62,36 +64,70 @@ class Limit:
         return figure - (self.low + self.high) / 2
 
 
-def fall(first: float, second: float, aligned: bool, highest: int) -> Fall:
+def fall(first: float, second: float, aligned: bool, highest: int, noise: float) -> Fall:
     """How differences fall: the sizes of y(h/2) - y(h) and y(h/4) - y(h/2), whether they point the same way.
 
-    highest: the order of the best integrator. Some figures have one more, as energies of symplectic methods do.
+    highest: the order of the best integrator; some figures have one more, as energies of symplectic methods do.
+    noise: how large rounding errors may be.
     """
+    if second <= noise and first <= noise * 2.0 ** (highest + 1):
+        return Fall(ROUNDING, None, noise if first or second else 0.0)
     if aligned and first > 0.0 < second:
         order = math.log2(first) - math.log2(second)
-        if LEAST_ORDER <= order <= highest + 1.5:
+        if LEAST_ORDER <= order <= highest + 1 + NEAR:
             rest = second / (2.0**order - 1.0)
-            settled = abs(order - round(order)) <= NEAR and 1 <= round(order) <= highest + 1
+            settled = abs(order - round(order)) <= NEAR and round(order) >= 1
             return Fall(ORDER, order, rest) if settled else Fall(UNSETTLED, order, max(rest, second))
     faster = aligned and second < first / 4  # than theory: h is too large a step to tell, and h/2 may not be
     return Fall(NO_ORDER, None, max(2.0 * second, first / 2 if faster else first))
 
 
-def limit(figures: Sequence[float], highest: int, noise: float, believed: bool = True) -> Limit:
+def share(found: Fall, ratio: float) -> float:
+    """Where a figure at the step `ratio` h is to be expected between those at h/4, which is 0, and h, which is 1."""
+    if found.order is None:
+        return 1.0
+    finest = 4.0**-found.order
+    return float((ratio**found.order - finest) / (1.0 - finest))
+
+
+def checked(found: Fall, strays: float, ends: float, noise: float) -> Fall:
+    """What remains of an order where a run whose steps lie elsewhere strays from it so far.
+
+    Three steps of which each divides the one before have all their points in common. So whatever happens a little after
+    one of these, between two steps, is as wrong in all three, and the differences do not show it.
+
+    ends: the distance between the figures at h and h/4.
+    """
+    if found.kind == NO_ORDER or strays <= STRAYING * ends + 2.0 * noise:
+        return found
+    return Fall(NO_ORDER, None, max(2.0 * found.rest, strays))
+
+
+def limit(
+    figures: Sequence[float],
+    highest: int,
+    noise: float,
+    believed: bool = True,
+    elsewhere: tuple[float, float] | None = None,
+) -> Limit:
     """The limit of a figure at three steps, h, h/2 and h/4.
 
     noise: how large the figures' rounding errors may be. believed: whether there is reason to look for an order.
+    elsewhere: another step, as a part of h, most points of which lie between those of h, and the figure there.
     """
     coarse, middle, fine = figures
     first, second = middle - coarse, fine - middle
-    if abs(second) <= noise and abs(first) <= noise * 2.0 ** (highest + 1):
-        least, most = (min(middle, fine), max(middle, fine))
-        return Limit(least - noise, most + noise, ROUNDING)
-    aligned = believed and first * second > 0.0
-    found = fall(abs(first), abs(second), aligned, highest)
-    ahead = math.copysign(2.0 * found.rest, second)
-    ends = (fine, fine + ahead) if found.order else (fine - found.rest, fine + found.rest)
-    return Limit(min(ends) - noise, max(ends) + noise, found.kind, found.order)
+    found = fall(abs(first), abs(second), believed and first * second > 0.0, highest, noise)
+    if elsewhere:
+        ratio, figure = elsewhere
+        expected = fine + share(found, ratio) * (coarse - fine)
+        found = checked(found, abs(figure - expected), abs(coarse - fine), noise)
+    least = EPSILON * max(map(abs, figures))
+    if found.kind == ORDER:
+        ends = fine, fine + math.copysign(2.0 * found.rest, second)
+        return Limit(min(ends) - least, max(ends) + least, ORDER, found.order)
+    rest = (2.0 * found.rest if found.order else found.rest) + least
+    return Limit(fine - rest, fine + rest, found.kind, found.order)
 
 
 def falls(coarse: Array, middle: Array, fine: Array) -> bool:
@@ -111,9 +147,6 @@ def falls(coarse: Array, middle: Array, fine: Array) -> bool:
     return alike and sizes[0] >= 2.0**LEAST_ORDER * sizes[1]
 
 
-def noise(scale: float, steps: int, same: bool) -> float:
-    """How large the rounding error of a figure may be, of numbers of that size, after so many steps.
-
-    same: whether all three figures are the same, as what is not computed is, or where no rounding has added up.
-    """
-    return EPSILON * scale * (1.0 if same else ROUNDINGS * math.sqrt(steps))
+def noise(scale: float, steps: int) -> float:
+    """How large the rounding error of a figure may be, of numbers of that size, after so many steps."""
+    return ROUNDINGS * EPSILON * scale * math.sqrt(steps)

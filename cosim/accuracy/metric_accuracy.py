@@ -27,17 +27,19 @@ class MetricJudge:
 
     def __init__(self, runs: Mapping[Refinement, Observation], highest: int, steps: int) -> None:
         self._runs, self._highest, self._steps = runs, highest, steps
+        self._elsewhere = next((refinement for refinement in runs if refinement.lies_elsewhere), None)
 
     def judge(self, name: str, unit: str, doubted: str = "") -> Accuracy:
         """A metric's accuracy. doubted: why it has no order, where that is known."""
         runs = [self._runs[refinement] for refinement in TOTAL]
         values = tuple(run.observed.figures[name] for run in runs)
-        steps = [run.step for run in runs]
         rows = _numbers(values)
         if rows is None:
-            return _events(values, steps) if all(map(_are_events, values)) else _counted(values, steps, unit)
+            runs += [self._runs[self._elsewhere]] if self._elsewhere else []
+            counted = _events if all(map(_are_events, values)) else _counted
+            return counted([run.observed.figures[name] for run in runs], [run.step for run in runs], unit)
         believed = not doubted and limits.falls(*(run.observed.course(name) for run in runs))
-        found = self._limits(name, TOTAL, believed)
+        found = self._limits(name, TOTAL, believed, self._elsewhere)
         errors = tuple(max(map(Limit.error, found, row)) for row in rows.tolist())
         kind, order = _worst(found)
         accuracy = Accuracy(kind, order, unit, values, errors, float(np.abs(rows[0]).max()), tuple(found))
@@ -47,13 +49,19 @@ class MetricJudge:
             accuracy.integration = self._part(name, INTEGRATION, believed)
         return accuracy
 
-    def _limits(self, name: str, triple: Triple, believed: bool) -> list[Limit]:
+    def _limits(self, name: str, triple: Triple, believed: bool, elsewhere: Refinement | None = None) -> list[Limit]:
         """The limit of each element of a metric; none where they are no numbers."""
-        rows = _numbers([self._runs[refinement].observed.smooth(name) for refinement in triple])
+        chosen = [self._runs[refinement].observed for refinement in (*triple, *([elsewhere] if elsewhere else []))]
+        rows = _numbers([observed.smooth(name) for observed in chosen])
         if rows is None:
             return []
-        noise = limits.noise(float(np.abs(rows).max()), self._steps, bool((rows == rows[0]).all()))
-        return [limits.limit(column, self._highest, noise, believed) for column in rows.T.tolist()]
+        scale = max(float(np.abs(numbers).max(initial=0.0)) for numbers in (rows, chosen[0].course(name)))
+        noise = limits.noise(scale, self._steps)
+        ratio = elsewhere.step(1.0) if elsewhere else 0.0
+        return [
+            limits.limit(column[:3], self._highest, noise, believed, (ratio, column[3]) if elsewhere else None)
+            for column in rows.T.tolist()
+        ]
 
     def _part(self, name: str, triple: Triple, believed: bool) -> ErrorPart | None:
         found = self._limits(name, triple, believed)
@@ -103,28 +111,29 @@ def _are_events(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(event, Mapping) for event in value)
 
 
-def _counted(values: tuple[Any, ...], steps: Sequence[float], unit: str) -> Accuracy:
+def _counted(values: Sequence[Any], steps: Sequence[float], unit: str) -> Accuracy:
     """What is the same, or is not."""
-    same = all(for_json(value) == for_json(values[0]) for value in values)
-    if same:
-        return Accuracy(AGREES, unit=unit, values=values)
-    return Accuracy(CHANGES, unit=unit, values=values, said=_changes([format_value(v) for v in values], steps))
+    kept = tuple(values[: len(TOTAL)])
+    if all(for_json(value) == for_json(values[0]) for value in values):
+        return Accuracy(AGREES, unit=unit, values=kept)
+    return Accuracy(CHANGES, unit=unit, values=kept, said=_changes([format_value(v) for v in values], steps))
 
 
-def _events(values: tuple[list[Any], ...], steps: Sequence[float]) -> Accuracy:
+def _events(values: Sequence[list[Any]], steps: Sequence[float], unit: str) -> Accuracy:
     """Events agree if the same happened; their times are those of steps, so no surer than the finest of these."""
+    kept = tuple(values[: len(TOTAL)])
     happened = [sorted(events, key=_who) for events in values]
     names = [[_who(event) for event in events] for events in happened]
-    if names[0] != names[1] or names[1] != names[2]:
+    if any(others != names[0] for others in names):
         counts = [str(len(events)) for events in values]
         lists = [", ".join("–".join(map(str, who)) for who in row) or "none" for row in names]
         return Accuracy(
-            CHANGES, unit="s", values=values, said=_changes(counts if len(set(counts)) > 1 else lists, steps)
+            CHANGES, unit=unit, values=kept, said=_changes(counts if len(set(counts)) > 1 else lists, steps)
         )
-    times = np.array([[event["time"] for event in events] for events in happened])
-    found = [limits.limit(column, 1, steps[-1], False) for column in times.T.tolist()]
-    errors = tuple(max(map(Limit.error, found, row)) for row in times.tolist()) if found else ()
-    return Accuracy(AGREES, unit="s", values=values, errors=errors, limits=tuple(found))
+    times = np.array([[event["time"] for event in events] for events in happened[: len(TOTAL)]])
+    found = [limits.limit(column, 1, 0.0, believed=False) for column in times.T.tolist()]
+    errors = tuple(max(map(Limit.error, found, row)) + steps[2] for row in times.tolist()) if found else ()
+    return Accuracy(AGREES, unit=unit, values=kept, errors=errors, limits=tuple(found))
 
 
 def _who(event: Mapping[str, Any]) -> list[int]:

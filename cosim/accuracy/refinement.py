@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from cosim.integrators import INTEGRATORS
 from cosim.language.keys import MOST_INNER_STEPS
+from cosim.language.reader import multiple
 from cosim.wiring.network import Component, Network
 
 
@@ -27,6 +28,11 @@ class Refinement:
     coarser: int = 1
 
     @property
+    def lies_elsewhere(self) -> bool:
+        """Whether most of its points lie between those of the diagram's own run."""
+        return self.steps > 1 and self.coarser > 1
+
+    @property
     def cost(self) -> float:
         """How many times as long as the diagram's own run it takes."""
         return self.steps * self.inner / self.coarser
@@ -36,10 +42,27 @@ class Refinement:
         return step * self.coarser / self.steps
 
 
+MOST_KEPT = 10
+"""How many steps there are at most from one common point to the next, see `elsewhere`."""
 Triple = tuple[Refinement, Refinement, Refinement]
 TOTAL: Triple = (Refinement(1), Refinement(2), Refinement(4))
 INTEGRATION: Triple = (Refinement(1, 1), Refinement(1, 2), Refinement(1, 4))
 COUPLING: Triple = (Refinement(1, 4), Refinement(2, 2), Refinement(4, 1))
+
+
+def elsewhere(network: Network) -> list[Refinement]:
+    """A run whose steps lie elsewhere; it has in common every tenth point, if it can, as times are round numbers.
+
+    So an input that changes at 0.3 s does so at a point of its. It has also whatever the diagram names: the ends of
+    windows, and all periods. None if it would have no point of its own.
+    """
+    run = network.diagram.run
+    named = [float(e.settings["period"].value) for e in network.diagram.blocks.values() if "period" in e.settings]
+    named += [bound for metric in network.diagram.metrics.values() for bound in (metric.start, metric.stop)]
+    counts = [count for time in named if math.isfinite(time) and (count := multiple(time, run.step))]
+    common = math.gcd(run.steps, *counts)
+    kept = max(count for count in range(1, MOST_KEPT + 1) if common % count == 0)
+    return [Refinement(steps=kept + 1, coarser=kept)] if kept > 1 else []
 
 
 def settings(network: Network, refinement: Refinement) -> list[str]:

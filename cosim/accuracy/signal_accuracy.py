@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.accuracy import limit as limits
 from cosim.accuracy.accuracies import AGREES, CHANGES, Accuracy, ErrorPart
-from cosim.accuracy.limit import ALIKE, ROUNDING, Fall
+from cosim.accuracy.limit import ALIKE, EPSILON, NO_ORDER, Fall
 from cosim.accuracy.refined_runs import Observation
 from cosim.accuracy.refinement import COUPLING, INTEGRATION, TOTAL, Refinement, Triple
 from cosim.results.formatting import format_seconds
@@ -50,18 +50,17 @@ class Distances:
         self.most = max(self.most, float(finite.max(initial=-math.inf)))
         self.size = max(abs(self.least), abs(self.most)) if finite.size else self.size
         first, second = _distance(coarse, middle), _distance(middle, fine)
-        self.first = max(self.first, float(np.abs(first).max(initial=0.0)))
-        self.second = max(self.second, float(np.abs(second).max(initial=0.0)))
-        self.ends = max(self.ends, float(np.abs(_distance(coarse, fine)).max(initial=0.0)))
+        self.first = max(self.first, _largest(first))
+        self.second = max(self.second, _largest(second))
+        self.ends = max(self.ends, _largest(_distance(coarse, fine)))
         if math.isfinite(self.first + self.second):
             self.across += float((first * second).sum())
             self.one, self.two = self.one + float((first * first).sum()), self.two + float((second * second).sum())
 
-    def fall(self, highest: int, noise: float) -> Fall:
-        """As of `cosim.accuracy.limit.fall`; at the noise, ROUNDING."""
-        if self.second <= noise and self.first <= noise * 2.0 ** (highest + 1):
-            return Fall(ROUNDING, None, noise)
-        return limits.fall(self.first, self.second, self.across > ALIKE * math.sqrt(self.one * self.two), highest)
+    def fall(self, highest: int, noise: float, believed: bool) -> Fall:
+        """As of `cosim.accuracy.limit.fall`."""
+        aligned = believed and self.across > ALIKE * math.sqrt(self.one * self.two)
+        return limits.fall(self.first, self.second, aligned, highest, noise)
 
 
 class SignalJudge:
@@ -73,6 +72,7 @@ class SignalJudge:
 
     def __init__(self, runs: Mapping[Refinement, Observation], highest: int, steps: int) -> None:
         self._runs, self._highest, self._steps = runs, highest, steps
+        self._elsewhere = next((refinement for refinement in runs if refinement.lies_elsewhere), None)
         self._files: dict[Refinement, Result] = {}
         self._stack = ExitStack()
         self._rest: dict[str, float] = {}
@@ -91,26 +91,31 @@ class SignalJudge:
         found = self._distances(name, TOTAL)
         if self._files[TOTAL[0]].signals[name].dtype.kind != "f":
             return self._counted(found.apart, unit)
-        fallen, errors = self._errors(found, doubted)
+        fallen, errors = self._errors(name, found, doubted, self._elsewhere)
         self._rest[name] = errors[-1]
         size = found.most - found.least if found.most > found.least else found.size
         accuracy = Accuracy(fallen.kind, fallen.order, unit, (), errors, size)
-        accuracy.said = doubted if fallen.kind == limits.NO_ORDER else ""
+        accuracy.said = doubted if fallen.kind == NO_ORDER else ""
         if all(refinement in self._files for refinement in (*COUPLING, *INTEGRATION)):
             accuracy.coupling = self._part(name, COUPLING, doubted)
             accuracy.integration = self._part(name, INTEGRATION, doubted)
         return accuracy
 
-    def error(self, name: str, coarser: Observation) -> float:
-        """By how much a signal may be off in a run with larger steps; infinite if no time is recorded but the first."""
-        fine = self._files[TOTAL[-1]]
-        assert coarser.file
-        with Result(coarser.file) as result:
-            if len(result.times) < 2:
-                return math.inf
-            every = round(result.times[1] / fine.times[1])
-            pairs = zip(_chunks(result, name), _chunks(fine, name, every), strict=False)
-            return self._rest[name] + max(float(np.abs(_distance(a, b)).max(initial=0.0)) for a, b in pairs)
+    def error(self, name: str, other: Observation) -> float:
+        """By how much a signal may be off in a run with other steps; infinite if no time is common but the first."""
+        every = self._every(other)
+        if not every:
+            return math.inf
+        assert other.file
+        with Result(other.file) as result:
+            pairs = zip(_chunks(result, name), _chunks(self._files[TOTAL[-1]], name, every), strict=False)
+            return self._rest[name] + max(_largest(_distance(a, b)) for a, b in pairs)
+
+    def _every(self, other: Observation) -> int:
+        """Every how many of the recorded times are those of another run too; 0 if only the first is."""
+        assert other.file
+        with Result(other.file) as result:
+            return round(result.times[1] / self._files[TOTAL[0]].times[1]) if len(result.times) > 1 else 0
 
     def _distances(self, name: str, triple: Triple) -> Distances:
         found = Distances()
@@ -118,17 +123,31 @@ class SignalJudge:
             found.take(*arrays)
         return found
 
-    def _errors(self, found: Distances, doubted: str) -> tuple[Fall, tuple[float, float, float]]:
+    def _strays(self, name: str, found: Fall, elsewhere: Refinement) -> float:
+        """How far a signal is, in a run whose steps lie elsewhere, from where its order has it."""
+        every = self._every(self._runs[elsewhere])
+        if not every:
+            return 0.0
+        share = limits.share(found, elsewhere.step(1.0))
+        here, there = _chunks(self._files[TOTAL[0]], name, every), _chunks(self._files[elsewhere], name)
+        fine = _chunks(self._files[TOTAL[-1]], name, every)
+        return max(
+            _largest(_distance(b + share * _distance(b, a), c)) for a, b, c in zip(here, fine, there, strict=True)
+        )
+
+    def _errors(
+        self, name: str, found: Distances, doubted: str, elsewhere: Refinement | None = None
+    ) -> tuple[Fall, tuple[float, float, float]]:
         """How the differences fall, and by how much the signal may be off at the three steps."""
-        noise = limits.noise(found.size, self._steps, not found.apart)
-        fallen = found.fall(self._highest, noise)
-        if doubted and fallen.kind != ROUNDING:
-            fallen = limits.fall(found.first, found.second, False, self._highest)
-        rest = (2.0 * fallen.rest if fallen.order else fallen.rest) + noise
+        noise = limits.noise(found.size, self._steps)
+        fallen = found.fall(self._highest, noise, not doubted)
+        if elsewhere:
+            fallen = limits.checked(fallen, self._strays(name, fallen, elsewhere), found.ends, noise)
+        rest = (2.0 * fallen.rest if fallen.order else fallen.rest) + EPSILON * found.size
         return fallen, (found.ends + rest, found.second + rest, rest)
 
     def _part(self, name: str, triple: Triple, doubted: str) -> ErrorPart:
-        fallen, errors = self._errors(self._distances(name, triple), doubted)
+        fallen, errors = self._errors(name, self._distances(name, triple), doubted)
         return ErrorPart(errors[0], fallen.kind, fallen.order)
 
     def _counted(self, apart: int, unit: str) -> Accuracy:
@@ -148,6 +167,10 @@ def _chunks(result: Result, name: str, every: int = 1) -> Iterator[Array]:
     for first in range(0, len(result.times), rows * every):
         samples = result.read(name, first, first + rows * every)[::every]
         yield samples.reshape(-1, size).astype(float)
+
+
+def _largest(numbers: Array) -> float:
+    return float(np.abs(numbers).max(initial=0.0))
 
 
 def _same(a: Array, b: Array) -> Array:
