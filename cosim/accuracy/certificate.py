@@ -21,14 +21,16 @@ from cosim.accuracy.refinement import (
     elsewhere,
     highest_order,
     sampled_by_the_step,
-    why_one,
+    steps_of_their_own,
+    why_not_parts,
 )
 from cosim.accuracy.signal_accuracy import SignalJudge
-from cosim.errors import NoCertificate
+from cosim.errors import NoCertificate, UsageError
 from cosim.results.formatting import format_seconds
 from cosim.wiring.network import Network, Signal
 
 Runs = Mapping[Refinement, Observation]
+FMUS = "a co-simulation FMU may have inner steps of its own"
 ENDINGS = {"diverged": "diverges", "failed": "fails", "terminated": "is ended"}
 
 
@@ -51,9 +53,8 @@ class Certificate:
 
     @property
     def changing(self) -> list[str]:
-        """What depends on the step, a sentence each."""
-        both = {**self.signals, **self.metrics}
-        return [f"{name}: {accuracy.said}" for name, accuracy in both.items() if accuracy.kind == CHANGES]
+        """The metrics that are counted and depend on the step, a sentence each."""
+        return [f"{name}: {accuracy.said}" for name, accuracy in self.metrics.items() if accuracy.kind == CHANGES]
 
     def as_json(self) -> dict[str, Any]:
         """For JSON, before `for_json`."""
@@ -68,21 +69,32 @@ class Certificate:
         return content
 
 
+def require_figures(network: Network, signals: bool) -> None:
+    """Raises: UsageError where there is no metric, and no recorded signal if `signals` count too."""
+    if network.reduced or (signals and network.recorded):
+        return
+    also = " and records no signal" if signals else ""
+    message = f"{network.diagram.path} has no metric{also}, so there is no figure that may be wrong"
+    raise UsageError(message, fix="such as metrics: {largest: {signal: plant.x, reduce: max}}")
+
+
 def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
     """The certificate of a diagram, with all parts, by seven runs; by more, with larger steps, where errors are wanted.
 
     Raises: NoCertificate where a run with a smaller step does not come to its end; else as `RefinedRuns.observe`.
     """
     began, network = time.perf_counter(), runs.network
-    whole = why_one(network)
-    parts = set() if whole else {*INTEGRATION, *COUPLING}
+    why = why_not_parts(network)
+    parts = set() if why else {*INTEGRATION, *COUPLING}
     observed = runs.observe({*TOTAL, *parts, *elsewhere(network)})
     made = _begun(network, observed)
-    made.notes += [whole] if whole else []
+    made.notes += [f"coupling and integration are not told apart: {why}"] if why else []
     doubts = sampled_by_the_step(network)
     with SignalJudge(observed, *_theory(network)) as judge:
         for signal in network.recorded:
-            made.signals[str(signal)] = judge.judge(str(signal), _unit(network, signal), _doubt(doubts, signal))
+            name = str(signal)
+            made.signals[name] = judge.judge(name, _unit(network, signal), _doubt(doubts, signal))
+            made.notes += [f"{name}: {made.signals[name].said}"] if made.signals[name].kind == CHANGES else []
         if wanted:
             observed |= largest_step.find([*_subjects(made, judge)], wanted, runs)
     return _counted(made, observed, began)
@@ -106,6 +118,8 @@ def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certifi
     _require_ends(observed)
     doubts = sampled_by_the_step(network)
     notes = [_sampled(name) for name in dict.fromkeys(doubts.values())]
+    if alone := steps_of_their_own(network):
+        notes.append(f"of {', '.join(alone)}, only what follows the communication step is in the errors: {FMUS}")
     notes += [_left_out(r, observed.pop(r)) for r in [*observed] if observed[r].outcome.status != "completed"]
     judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units
     metrics = {name: judge.judge(name, units[name], _doubt(doubts, signal)) for name, signal in network.reduced.items()}

@@ -90,17 +90,17 @@ def share(found: Fall, ratio: float) -> float:
     return float((ratio**found.order - finest) / (1.0 - finest))
 
 
-def checked(found: Fall, strays: float, ends: float, noise: float) -> Fall:
+def checked(found: Fall, strays: float, ends: float, noise: float, margin: float = 1.0) -> Fall:
     """What remains of an order where a run whose steps lie elsewhere strays from it so far.
 
     Three steps of which each divides the one before have all their points in common. So whatever happens a little after
     one of these, between two steps, is as wrong in all three, and the differences do not show it.
 
-    ends: the distance between the figures at h and h/4.
+    ends: the distance between the figures at h and h/4. margin: by how much more it may have strayed with other luck.
     """
     if found.kind == NO_ORDER or strays <= STRAYING * ends + 2.0 * noise:
         return found
-    return Fall(NO_ORDER, None, max(2.0 * found.rest, strays))
+    return Fall(NO_ORDER, None, max(2.0 * found.rest, margin * strays))
 
 
 def limit(
@@ -121,7 +121,7 @@ def limit(
     if elsewhere:
         ratio, figure = elsewhere
         expected = fine + share(found, ratio) * (coarse - fine)
-        found = checked(found, abs(figure - expected), abs(coarse - fine), noise)
+        found = checked(found, abs(figure - expected), abs(coarse - fine), noise, margin=2.0)
     least = EPSILON * max(map(abs, figures))
     if found.kind == ORDER:
         ends = fine, fine + math.copysign(2.0 * found.rest, second)
@@ -130,18 +130,21 @@ def limit(
     return Limit(fine - rest, fine + rest, found.kind, found.order)
 
 
-def falls(coarse: Array, middle: Array, fine: Array) -> bool:
+def falls(coarse: Array, middle: Array, fine: Array, noise: float) -> bool:
     """Whether a whole course converges, without which one figure of it may look so by chance.
 
-    Each an array (instants, elements) of numbers, or what is not finite. Yes, where nothing is known of it.
+    Each an array (instants, elements) of numbers, or what is not finite. noise: how large their rounding errors may be.
+    Yes, where nothing else is known of it.
     """
     if not coarse.shape == middle.shape == fine.shape:
         return False
     known = np.isfinite(coarse) & np.isfinite(middle) & np.isfinite(fine)
     first, second = (middle - coarse)[known], (fine - middle)[known]
-    sizes = float(np.abs(first).sum()), float(np.abs(second).sum())
-    if not (sizes[0] and sizes[1]):
+    if float(np.abs(second).max(initial=0.0)) <= noise:
         return True
+    sizes = float(np.abs(first).sum()), float(np.abs(second).sum())
+    if not sizes[0]:
+        return False
     first, second = first / sizes[0], second / sizes[1]
     alike = float(first @ second) >= ALIKE * math.sqrt(float(first @ first) * float(second @ second))
     return alike and sizes[0] >= 2.0**LEAST_ORDER * sizes[1]

@@ -38,7 +38,8 @@ class MetricJudge:
             runs += [self._runs[self._elsewhere]] if self._elsewhere else []
             counted = _events if all(map(_are_events, values)) else _counted
             return counted([run.observed.figures[name] for run in runs], [run.step for run in runs], unit)
-        believed = not doubted and limits.falls(*(run.observed.course(name) for run in runs))
+        courses = [run.observed.course(name) for run in runs]
+        believed = not doubted and limits.falls(courses[0], courses[1], courses[2], self._noise(name, rows))
         found = self._limits(name, TOTAL, believed, self._elsewhere)
         errors = tuple(max(map(Limit.error, found, row)) for row in rows.tolist())
         kind, order = _worst(found)
@@ -55,13 +56,18 @@ class MetricJudge:
         rows = _numbers([observed.smooth(name) for observed in chosen])
         if rows is None:
             return []
-        scale = max(float(np.abs(numbers).max(initial=0.0)) for numbers in (rows, chosen[0].course(name)))
-        noise = limits.noise(scale, self._steps)
+        noise = self._noise(name, rows)
         ratio = elsewhere.step(1.0) if elsewhere else 0.0
         return [
             limits.limit(column[:3], self._highest, noise, believed, (ratio, column[3]) if elsewhere else None)
             for column in rows.T.tolist()
         ]
+
+    def _noise(self, name: str, rows: Array) -> float:
+        """How large the rounding error of a metric may be: that of the largest numbers on its way."""
+        course = self._runs[TOTAL[0]].observed.course(name)
+        largest = np.abs(course[np.isfinite(course)]).max(initial=float(np.abs(rows).max()))
+        return limits.noise(float(largest), self._steps)
 
     def _part(self, name: str, triple: Triple, believed: bool) -> ErrorPart | None:
         found = self._limits(name, triple, believed)
@@ -142,5 +148,5 @@ def _who(event: Mapping[str, Any]) -> list[int]:
 
 
 def _changes(words: Sequence[str], steps: Sequence[float]) -> str:
-    at = ", ".join(f"{word} at {format_seconds(step)}" for word, step in zip(words, steps, strict=True))
+    at = ", ".join(f"{word} at {format_seconds(step, 3)}" for word, step in zip(words, steps, strict=True))
     return f"{at}: depends on the step"

@@ -88,26 +88,27 @@ def _with_own(network: Network) -> list[Component]:
     return [c for c in own if c.declaration.continuous() and network.diagram.run.method != "joint"]
 
 
-def why_one(network: Network) -> str:
-    """Why the errors of coupling and integration cannot be told apart; nothing where they can."""
-    alone = [name for name, c in network.components.items() if c.declaration.kind("step")]
-    if alone:
-        return (
-            f"{', '.join(alone)}: the inner steps of a co-simulation FMU are its own, so coupling and integration are "
-            f"not told apart; what it does in steps that do not follow the communication step is in no error"
-        )
-    if not any(c.declaration.continuous() for c in network.components.values()):
-        return "no block has continuous states, so there is nothing to integrate"
+def steps_of_their_own(network: Network) -> list[str]:
+    """The components that step by themselves: co-simulation FMUs, whose inner steps are their own."""
+    return [name for name, component in network.components.items() if component.declaration.kind("step")]
+
+
+def why_not_parts(network: Network) -> str:
+    """Why the errors of coupling and of integration cannot be told apart; nothing where they can."""
     most = max([network.diagram.run.inner_steps, *(c.inner_steps for c in network.components.values())])
+    if alone := steps_of_their_own(network):
+        return f"the inner steps of {', '.join(alone)} cannot be halved"
+    if not any(c.declaration.continuous() for c in network.components.values()):
+        return "no block has continuous states"
     if most * COUPLING[0].inner > MOST_INNER_STEPS:
-        return f"coupling and integration are not told apart: more than {MOST_INNER_STEPS} inner steps would be needed"
+        return f"there can be no more than {MOST_INNER_STEPS} inner steps"
     return ""
 
 
 def highest_order(network: Network) -> int:
     """The highest order that theory admits: of the best integrator; an FMU may have any."""
     components = network.components.values()
-    if any(c.declaration.kind("step") for c in components):
+    if steps_of_their_own(network):
         return max(tableau.order for tableau in INTEGRATORS.values())
     run = network.diagram.run
     used = (

@@ -156,7 +156,7 @@ class SignalJudge:
             return Accuracy(AGREES, unit=unit)
         times = len(self._files[TOTAL[0]].times)
         steps = [format_seconds(self._runs[refinement].step) for refinement in TOTAL]
-        said = f"differs between {', '.join(steps)} at {apart} of {times} times: depends on the step"
+        said = f"not the same with steps of {', '.join(steps)} at {apart} of {times} times"
         return Accuracy(CHANGES, unit=unit, said=said)
 
 

@@ -75,12 +75,12 @@ def format_duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
-def format_seconds(seconds: float) -> str:
+def format_seconds(seconds: float, digits: int = 12) -> str:
     """A step, such as `0.5 ms`."""
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
         if seconds >= 0.1 * size:
-            return f"{seconds / size:.12g} {unit}"
-    return f"{seconds / 1e-6:.12g} µs"
+            return f"{seconds / size:.{digits}g} {unit}"
+    return f"{seconds / 1e-6:.{digits}g} µs"
 
 
 def format_with_error(value: Any, error: float | None) -> str:
@@ -102,6 +102,7 @@ def format_with_error(value: Any, error: float | None) -> str:
     if exact and last < exact.adjusted() - MOST_SHOWN:
         return f"{value:.{MOST_SHOWN}g} ± {format_error(error)}"
     shown = exact.quantize(off)
+    shown = shown or shown.copy_abs()  # no -0.0
     largest = max(shown.copy_abs(), off).adjusted()
     if -5 < largest < 7:
         return f"{shown:f} ± {off:f}"
@@ -113,7 +114,7 @@ def format_error(error: float) -> str:
     if not 0.0 < error < math.inf:
         return f"{error:g}"
     off = _rounded_up(error)
-    return f"{off:f}" if -5 < off.adjusted() < 7 else f"{off:g}"
+    return f"{off:f}" if -5 < off.adjusted() < 7 else f"{float(off):g}"
 
 
 def _rounded_up(error: float) -> Decimal:

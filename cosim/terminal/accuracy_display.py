@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from cosim.accuracy.accuracies import AGREES, CHANGES, Accuracy, ErrorPart
 from cosim.accuracy.certificate import Certificate
@@ -12,7 +12,12 @@ from cosim.study.text_tables import TextTable
 from cosim.terminal import study_display
 from cosim.terminal.screen import print_wrapped, say
 
-WORDS = {NO_ORDER: "none", ROUNDING: "rounding", AGREES: "agrees", CHANGES: "CHANGES"}
+WORDS = {NO_ORDER: "none", UNSETTLED: "~", ROUNDING: "rounding", AGREES: "agrees", CHANGES: "CHANGES"}
+MEANINGS = {
+    NO_ORDER: "no order: interval from three steps",
+    UNSETTLED: "the order is not settled at such steps, so the error is on the safe side",
+    ROUNDING: "at rounding, the same at all steps",
+}
 
 
 def show(certificate: Certificate) -> None:
@@ -27,31 +32,34 @@ def show(certificate: Certificate) -> None:
             for row, accuracy in zip(table.rows, accuracies.values(), strict=True):
                 row += [cell(accuracy) for _, cell in more]
             study_display.show(table)
-            print()
-    print_notes(certificate)
+    _say_changes(certificate)
+    for kind in dict.fromkeys(accuracy.kind for accuracy in both):
+        if kind in MEANINGS:
+            print_wrapped(f"{WORDS[kind]}: {MEANINGS[kind]}", 2)
+    _say_runs(certificate)
 
 
 def print_notes(certificate: Certificate) -> None:
-    """Print what depends on the step, what orders mean, what to bear in mind, and what was run."""
+    """Print what is to be said of metrics that have been shown with their errors."""
+    _say_changes(certificate)
+    for kind, words in MEANINGS.items():
+        names = [name for name, accuracy in certificate.metrics.items() if accuracy.kind == kind]
+        if names:
+            print_wrapped(f"{', '.join(names)}: {words}", 2)
+    _say_runs(certificate)
+
+
+def _say_changes(certificate: Certificate) -> None:
     for line in certificate.changing:
-        say(line)
-    for line in (*_meanings(certificate), *certificate.notes):
+        print_wrapped(line, 2)
+
+
+def _say_runs(certificate: Certificate) -> None:
+    for line in certificate.notes:
         print_wrapped(line, 2)
     steps = ", ".join(map(format_seconds, certificate.steps))
-    times = f"{certificate.cost:.3g} times as long as one" if certificate.runs else ""
-    say(f"steps of {steps} ({certificate.method}; {certificate.runs} runs, {times}, {certificate.seconds:.3g} s)")
-
-
-def _meanings(certificate: Certificate) -> Iterator[str]:
-    by_kind: dict[str, list[str]] = {}
-    for name, accuracy in {**certificate.metrics, **certificate.signals}.items():
-        by_kind.setdefault(accuracy.kind, []).append(name)
-    if NO_ORDER in by_kind:
-        yield f"no order: interval from three steps: {', '.join(by_kind[NO_ORDER])}"
-    if UNSETTLED in by_kind:
-        yield f"~, order not settled: the steps are large, and the error rather too: {', '.join(by_kind[UNSETTLED])}"
-    if ROUNDING in by_kind:
-        yield f"at rounding, the same at all steps: {', '.join(by_kind[ROUNDING])}"
+    cost = f"{certificate.runs} runs, {certificate.cost:.3g} times the work of one, {certificate.seconds:.3g} s"
+    say(f"steps of {steps} ({certificate.method}; {cost})")
 
 
 def _metrics(metrics: Mapping[str, Accuracy]) -> TextTable:

@@ -1,4 +1,4 @@
-"""`cosim run --error`: the metrics of a run that is done get their errors, by two more runs."""
+"""`cosim run --error`: the metrics of a run that is done get their errors, by three more runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from cosim.terminal.commands.options import load_network
 
 
 def prepare(run: Run) -> None:
-    """Have a run, before it is executed, keep what its figures are judged by."""
+    """Have a run, before it is executed, keep what its figures are judged by. Raises: UsageError if it has none."""
+    certificate.require_figures(run.network, signals=False)
     run.reductions = Observed(run.network)
 
 

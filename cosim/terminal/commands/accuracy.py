@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import tempfile
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from cosim.accuracy import certificate
@@ -18,10 +20,11 @@ from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.exits import DONE, UNCERTAIN
 from cosim.wiring.network import Network
 
-TELLS = """Runs the diagram with its own step, half and a quarter of it, and with more inner steps: six runs, which
-take 17 times as long as one. `value ± error`: by how much a figure may be off at the diagram's step; `order`: how its
-error falls with the step; `coupling` and `integration`: what the communication step and the blocks' own integration
-contribute. Exit codes: 1 where a figure depends on the step, or no error can be told; else as of `cosim --help`."""
+TELLS = """Runs the diagram with its own step, half and a quarter of it, with steps that lie elsewhere, and with more
+inner steps: seven runs, which take 18 times as long as one. `value ± error`: by how much a figure may be off at the
+diagram's step; `order`: how its error falls with the step; `coupling` and `integration`: what the communication step
+and the blocks' own integration contribute. Exit codes: 1 where a figure depends on the step, or no error can be told;
+else as of `cosim --help`."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print the certificate; 1 where a figure depends on the step, or a run does not come to its end."""
     network = load_network(options)
+    certificate.require_figures(network, signals=True)
     wanted = _asked(options.wanted, network)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder, screen.Progress(network.diagram.run.stop) as progress:
         recorded = Path(folder) if network.recorded else None
@@ -65,10 +69,11 @@ def _none(error: NoCertificate, options: argparse.Namespace) -> int:
 def _wanted(text: str) -> tuple[str, float]:
     """A name, or nothing for all, and an error."""
     name, _, number = text.rpartition("=")
-    value = float(number)
-    if not 0.0 < value < float("inf"):
-        raise ValueError(text)
-    return name.strip(), value
+    with suppress(ValueError):
+        value = float(number)
+        if 0.0 < value < math.inf:
+            return name.strip(), value
+    raise argparse.ArgumentTypeError(f"`{text}` is no number above zero, nor NAME=NUMBER")
 
 
 def _asked(wanted: Iterable[tuple[str, float]], network: Network) -> Wanted | None:

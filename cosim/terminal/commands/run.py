@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help="python: for breakpoints in blocks")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.nc", help="result (default: results/<diagram>.nc)")
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
-    help_ = "say how wrong each metric may be, by two more runs, with half the step and a quarter (7 times the time)"
+    help_ = "say how wrong each metric may be, by three more runs, which take 7 times as long as one"
     parser.add_argument("--error", action="store_true", help=help_)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
