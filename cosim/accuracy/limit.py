@@ -5,9 +5,9 @@ Where the method is in order, y(h) = y + c h^p + …, and the differences betwee
     p = log2(|y(h) - y(h/2)| / |y(h/2) - y(h/4)|),    y ≈ y(h/4) + (y(h/4) - y(h/2)) / (2^p - 1)
 
 (Richardson 1911; with the observed order it is Aitken's process.) What is extrapolated is not seen, so it counts as
-uncertain by as much again: the limit lies between y(h/4) and twice as far. For first order that is the factor 1.25 of
-Roache's grid convergence index. Where the differences do not fall so, there is no order, and nothing is extrapolated:
-the limit then lies around the value at the finest step, as far to either side as the differences suggest.
+uncertain by as much again: the limit is no farther from y(h/4) than twice that. For first order this is the factor
+1.25 of Roache's grid convergence index. Where the differences do not fall so, there is no order, and nothing is
+extrapolated: the limit then lies around y(h/4), as far to either side as the differences suggest.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NEAR = 0.25
 """How far an observed order may be from a whole number."""
 ALIKE = 0.5
 """Cosine of the angle between two differences of a course, from which they point the same way; of noise it is -0.5."""
-STRAYING = 0.5
+STRAYING = 0.1
 """What part of the difference between y(h) and y(h/4) a run whose steps lie elsewhere may stray from the order."""
 ROUNDINGS = 4.0
 """The rounding errors of n steps walk at random: they add up to this many times sqrt(n) units in the last place."""
@@ -48,8 +48,9 @@ class Fall:
 
 @dataclass(frozen=True)
 class Limit:
-    """Between which numbers the limit lies, and how that is known: kind and order as of `Fall`."""
+    """Between which numbers the limit lies, the best guess of it, and kind and order as of `Fall`."""
 
+    guess: float
     low: float
     high: float
     kind: str
@@ -61,7 +62,7 @@ class Limit:
 
     def offset(self, figure: float) -> float:
         """The best guess of a figure's error, with its sign."""
-        return figure - (self.low + self.high) / 2
+        return figure - self.guess
 
 
 def fall(first: float, second: float, aligned: bool, highest: int, noise: float) -> Fall:
@@ -117,17 +118,14 @@ def limit(
     """
     coarse, middle, fine = figures
     first, second = middle - coarse, fine - middle
-    found = fall(abs(first), abs(second), believed and first * second > 0.0, highest, noise)
+    found = fall(abs(first), abs(second), believed and (first > 0.0) == (second > 0.0), highest, noise)
     if elsewhere:
         ratio, figure = elsewhere
         expected = fine + share(found, ratio) * (coarse - fine)
         found = checked(found, abs(figure - expected), abs(coarse - fine), noise, margin=2.0)
-    least = EPSILON * max(map(abs, figures))
-    if found.kind == ORDER:
-        ends = fine, fine + math.copysign(2.0 * found.rest, second)
-        return Limit(min(ends) - least, max(ends) + least, ORDER, found.order)
-    rest = (2.0 * found.rest if found.order else found.rest) + least
-    return Limit(fine - rest, fine + rest, found.kind, found.order)
+    guess = fine + math.copysign(found.rest, second) if found.order else fine
+    rest = (2.0 * found.rest if found.order else found.rest) + EPSILON * max(map(abs, figures))
+    return Limit(guess, fine - rest, fine + rest, found.kind, found.order)
 
 
 def falls(coarse: Array, middle: Array, fine: Array, noise: float) -> bool:

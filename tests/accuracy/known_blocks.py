@@ -2,7 +2,7 @@
 
 import math
 
-from cosim import Block, Input, Output, Parameter, State
+from cosim import Block, Input, Measure, Output, Parameter, State
 
 
 class Decay(Block):
@@ -37,7 +37,7 @@ class Oscillator(Block):
 
 
 class Mass(Block):
-    """m x'' = -k x - F on one side of a spring."""
+    """m d2x/dt2 = F - k x."""
 
     m = Parameter(default=1.0)
     k = Parameter(default=1.0)
@@ -51,7 +51,7 @@ class Mass(Block):
 
 
 class Spring(Block):
-    """F = k (b - a), which pulls a, and pushes b by -F."""
+    """F = k (b - a) pulls what is at a, and -F what is at b."""
 
     k = Parameter(default=3.0)
     a = Input()
@@ -80,6 +80,16 @@ class Riccati(Block):
 
     def derivatives(x, d_x):
         d_x[0] = 1.0 - x * x
+
+
+class Minus(Block):
+    """y = -u."""
+
+    u = Input()
+    y = Output()
+
+    def outputs(u, y):
+        y[0] = -u
 
 
 class Half(Block):
@@ -114,7 +124,7 @@ class Relay(Block):
 
 
 class Noise(Block):
-    """Numbers from a congruential generator, a new one at every sample."""
+    """Numbers from -1 to 1 of a congruential generator, a new one at every sample."""
 
     seed = State(dtype=int, start=12345)
     y = State(output=True)
@@ -124,23 +134,43 @@ class Noise(Block):
         next_y[0] = next_seed[0] / 1073741824.0 - 1.0
 
 
-class Count(Block):
-    """Samples its input: a delay."""
+class Delay(Block):
+    """Holds the input of the last sample, of which there may be so many."""
 
+    most = Parameter(default=1000000, dtype=int)
     u = Input()
     held = State(output=True)
     count = State(output=True, dtype=int)
 
-    def update(u, count, next_held, next_count):
+    def update(u, count, most, next_held, next_count):
+        if count >= most:
+            raise ValueError("too many samples")
         next_held[0] = u
         next_count[0] = count + 1
 
 
-class Product(Block):
-    """dx/dt = x y, which leaves every bound where y stays above zero."""
+class Watch(Measure):
+    """Whether the input has fallen below a level, and when, as rows [member, time]."""
 
+    level = Parameter()
+    u = Input()
+    below = Output(dtype=bool)
+    log = State(1, 2, output=True, start=math.nan, finite=False)
+
+    def outputs(u, level, below):
+        below[0] = u < level
+
+    def update(time, u, level, log, next_log):
+        if u < level and math.isnan(log[0, 0]):
+            next_log[0, 0] = 1.0
+            next_log[0, 1] = time
+
+
+class Drag(Block):
+    """dx/dt = -k x |x|: x = 1 / (1 + k t). With k h > 2, Euler's method leaves every bound."""
+
+    k = Parameter()
     x = State(output=True, start=1.0)
-    k = Parameter(default=-40.0)
 
     def derivatives(x, k, d_x):
-        d_x[0] = k * x * abs(x)
+        d_x[0] = -k * x * abs(x)
