@@ -10,7 +10,7 @@ from cosim.accuracy.limit import NO_ORDER, ROUNDING, UNSETTLED
 from cosim.results.formatting import format_error, format_seconds, format_with_error
 from cosim.study.text_tables import TextTable
 from cosim.terminal import study_display
-from cosim.terminal.screen import print_wrapped, say
+from cosim.terminal.screen import print_wrapped
 
 WORDS = {NO_ORDER: "none", UNSETTLED: "~", ROUNDING: "rounding", AGREES: "agrees", CHANGES: "CHANGES"}
 MEANINGS = {
@@ -59,7 +59,7 @@ def _say_runs(certificate: Certificate) -> None:
         print_wrapped(line, 2)
     steps = ", ".join(map(format_seconds, certificate.steps))
     cost = f"{certificate.runs} runs, {certificate.cost:.3g} times the work of one, {certificate.seconds:.3g} s"
-    say(f"steps of {steps} ({certificate.method}; {cost})")
+    print_wrapped(f"steps of {steps} ({certificate.method}; {cost})", 2)
 
 
 def _metrics(metrics: Mapping[str, Accuracy]) -> TextTable:

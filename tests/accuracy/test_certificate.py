@@ -17,6 +17,7 @@ from cosim.accuracy.limit import NO_ORDER, ORDER, ROUNDING, UNSETTLED
 from cosim.accuracy.refinement import TOTAL, Refinement, elsewhere, settings
 from cosim.engine import compilation, run
 from cosim.errors import NoCertificate, UsageError
+from cosim.export.exporter import export_fmu
 
 STOP = 2.0
 REDUCTIONS = "max", "min", "mean", "rms", "final"
@@ -309,6 +310,21 @@ def test_a_run_that_only_the_parts_need_may_fail(certified, monkeypatch):
     made = certified(SAMPLES.replace("most: 150", "most: 1000").replace(*inner).replace("stop: 1,", "stop: 0.01,"))
     assert made.metrics["a"].kind in (ORDER, ROUNDING) and made.metrics["a"].coupling is None
     assert any("no more than 1000000 inner steps" in note for note in made.notes)
+
+
+def test_a_co_simulation_fmu_has_the_total_error_of_the_block_that_it_was(certified, tmp_path, diagram):
+    """It takes one step of Euler's method in each, as the block does; its inner steps are its own."""
+    text = text_of(*PROBLEMS["two masses"][:2], 0.02)
+    native = certified(text)
+    export_fmu(run.load(diagram(text)), ["a"], tmp_path / "mass.fmu", "3.0")
+    foreign = certified(text.replace("type: Mass, start", "fmu: mass.fmu, start", 1))
+    for name, accuracy in foreign.metrics.items():
+        assert accuracy.errors == native.metrics[name].errors
+        assert accuracy.coupling is None and accuracy.integration is None
+    assert [note.partition(",")[0] for note in foreign.notes] == [
+        "of a",
+        "coupling and integration are not told apart: the inner steps of a cannot be halved",
+    ]
 
 
 def test_there_has_to_be_a_figure(diagram):
