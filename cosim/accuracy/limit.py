@@ -137,7 +137,7 @@ def falls(coarse: Array, middle: Array, fine: Array, noise: float) -> bool:
     if not coarse.shape == middle.shape == fine.shape:
         return False
     known = np.isfinite(coarse) & np.isfinite(middle) & np.isfinite(fine)
-    first, second = (middle - coarse)[known], (fine - middle)[known]
+    first, second = middle[known] - coarse[known], fine[known] - middle[known]
     if float(np.abs(second).max(initial=0.0)) <= noise:
         return True
     sizes = float(np.abs(first).sum()), float(np.abs(second).sum())

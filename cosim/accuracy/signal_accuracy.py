@@ -54,8 +54,10 @@ class Distances:
         self.second = max(self.second, _largest(second))
         self.ends = max(self.ends, _largest(_distance(coarse, fine)))
         if math.isfinite(self.first + self.second):
-            self.across += float((first * second).sum())
-            self.one, self.two = self.one + float((first * first).sum()), self.two + float((second * second).sum())
+            with np.errstate(over="ignore"):
+                self.across += float((first * second).sum())
+                self.one += float((first * first).sum())
+                self.two += float((second * second).sum())
 
     def fall(self, highest: int, noise: float, believed: bool) -> Fall:
         """As of `cosim.accuracy.limit.fall`."""
@@ -180,5 +182,5 @@ def _same(a: Array, b: Array) -> Array:
 
 def _distance(a: Array, b: Array) -> Array:
     """From a to b; infinite where one is not finite and the other is not the same."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         return np.where(_same(a, b), 0.0, np.where(np.isfinite(a) & np.isfinite(b), b - a, math.inf))
