@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from cosim.accuracy.limit import Limit
@@ -44,7 +45,7 @@ class Accuracy:
     values: tuple[Any, ...] = ()
     errors: tuple[float, ...] = ()
     size: float = 0.0
-    limits: tuple[Limit, ...] = ()
+    limits: Mapping[int, Limit] = field(default_factory=dict)
     coupling: ErrorPart | None = None
     integration: ErrorPart | None = None
     said: str = ""
@@ -69,7 +70,7 @@ class Accuracy:
             content["values"] = list(self.values)
         if self.errors:
             content["errors"] = list(self.errors)
-        if len(self.limits) == 1:
+        if len(self.limits) == 1 and 0 in self.limits:
             content["interval"] = [self.limits[0].low, self.limits[0].high]
         for name in ("coupling", "integration"):
             if part := getattr(self, name):

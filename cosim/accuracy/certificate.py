@@ -30,6 +30,7 @@ from cosim.results.formatting import format_seconds
 from cosim.wiring.network import Network, Signal
 
 Runs = Mapping[Refinement, Observation]
+NESTED = "all steps have their points in common, so what happens between two may be as wrong with all of them"
 FMUS = "a co-simulation FMU may have inner steps of its own"
 ENDINGS = {"diverged": "diverges", "failed": "fails", "terminated": "is ended"}
 
@@ -121,6 +122,8 @@ def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certifi
     if alone := steps_of_their_own(network):
         notes.append(f"of {', '.join(alone)}, only what follows the communication step is in the errors: {FMUS}")
     notes += [_left_out(r, observed.pop(r)) for r in [*observed] if observed[r].outcome.status != "completed"]
+    if not any(refinement.lies_elsewhere for refinement in observed):
+        notes.append(NESTED)
     judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units
     metrics = {name: judge.judge(name, units[name], _doubt(doubts, signal)) for name, signal in network.reduced.items()}
     steps = tuple(observed[refinement].step for refinement in TOTAL)
@@ -148,7 +151,7 @@ def _ending(run: Observation) -> str:
 def _left_out(refinement: Refinement, run: Observation) -> str:
     """What cannot be told without a run."""
     if refinement.lies_elsewhere:
-        return f"not looked at with steps that lie elsewhere: {_ending(run)}"
+        return f"steps that lie elsewhere are of no use: {_ending(run)}"
     return f"coupling and integration are not told apart: in {refinement.inner} times the inner steps, {_ending(run)}"
 
 

@@ -16,6 +16,8 @@ from cosim.accuracy.refinement import COUPLING, INTEGRATION, TOTAL, Refinement, 
 from cosim.results.formatting import format_seconds, format_value
 from cosim.results.metrics import Array, for_json
 
+Limits = Mapping[int, Limit]
+"""The limit of each element of a metric, by its number, of those that are finite."""
 WORST_FIRST = (NO_ORDER, UNSETTLED, ORDER, ROUNDING)
 
 
@@ -33,69 +35,83 @@ class MetricJudge:
         """A metric's accuracy. doubted: why it has no order, where that is known."""
         runs = [self._runs[refinement] for refinement in TOTAL]
         values = tuple(run.observed.figures[name] for run in runs)
-        rows = _numbers(values)
+        rows = _rows(values)
         if rows is None:
-            runs += [self._runs[self._elsewhere]] if self._elsewhere else []
-            counted = _events if all(map(_are_events, values)) else _counted
-            return counted([run.observed.figures[name] for run in runs], [run.step for run in runs], unit)
+            return self._counted(name, runs, unit)
         courses = [run.observed.course(name) for run in runs]
         believed = not doubted and limits.falls(courses[0], courses[1], courses[2], self._noise(name, rows))
         found = self._limits(name, TOTAL, believed, self._elsewhere)
-        errors = tuple(max(map(Limit.error, found, row)) for row in rows.tolist())
+        errors = tuple(_largest_error(found, row) for row in rows)
         kind, order = _worst(found)
-        accuracy = Accuracy(kind, order, unit, values, errors, float(np.abs(rows[0]).max()), tuple(found))
+        size = max(abs(float(rows[0, k])) for k in found)
+        accuracy = Accuracy(kind, order, unit, values, errors, size, found)
         accuracy.said = doubted if kind == NO_ORDER else ""
         if all(refinement in self._runs for refinement in (*COUPLING, *INTEGRATION)):
             accuracy.coupling = self._part(name, COUPLING, believed)
             accuracy.integration = self._part(name, INTEGRATION, believed)
         return accuracy
 
-    def _limits(self, name: str, triple: Triple, believed: bool, elsewhere: Refinement | None = None) -> list[Limit]:
-        """The limit of each element of a metric; none where they are no numbers."""
-        chosen = [self._runs[refinement].observed for refinement in (*triple, *([elsewhere] if elsewhere else []))]
-        rows = _numbers([observed.smooth(name) for observed in chosen])
+    def _limits(self, name: str, triple: Triple, believed: bool, elsewhere: Refinement | None = None) -> Limits:
+        """The limit of each element of a metric that is a finite number; none where they are no numbers."""
+        rows = _rows([self._runs[refinement].observed.smooth(name) for refinement in triple])
         if rows is None:
-            return []
+            return {}
+        beside = _rows([self._runs[elsewhere].observed.smooth(name)]) if elsewhere else None
+        known = beside is not None and beside.shape[1] == rows.shape[1]
         noise = self._noise(name, rows)
-        ratio = elsewhere.step(1.0) if elsewhere else 0.0
-        return [
-            limits.limit(column[:3], self._highest, noise, believed, (ratio, column[3]) if elsewhere else None)
-            for column in rows.T.tolist()
-        ]
+        found = {}
+        for k, column in enumerate(rows.T.tolist()):
+            if all(map(math.isfinite, column)):
+                other = float(beside[0, k]) if beside is not None and known else math.nan
+                at = (elsewhere.step(1.0), other) if elsewhere and math.isfinite(other) else None
+                found[k] = limits.limit(column, self._highest, noise, believed, at)
+        return found
 
     def _noise(self, name: str, rows: Array) -> float:
         """How large the rounding error of a metric may be: that of the largest numbers on its way."""
         course = self._runs[TOTAL[0]].observed.course(name)
-        largest = np.abs(course[np.isfinite(course)]).max(initial=float(np.abs(rows).max()))
-        return limits.noise(float(largest), self._steps)
+        numbers = np.concatenate([np.ravel(course), np.ravel(rows)])
+        return limits.noise(float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)), self._steps)
 
     def _part(self, name: str, triple: Triple, believed: bool) -> ErrorPart | None:
         found = self._limits(name, triple, believed)
-        rows = _numbers([self._runs[triple[0]].observed.smooth(name)])
-        if not found or rows is None or len(rows[0]) != len(found):
+        rows = _rows([self._runs[triple[0]].observed.smooth(name)])
+        if not found or rows is None:
             return None
         kind, order = _worst(found)
-        if len(found) == 1 and order is not None:
+        if rows.shape[1] == 1 and order is not None:
             return ErrorPart(found[0].offset(float(rows[0, 0])), kind, order, signed=True)
-        return ErrorPart(max(map(Limit.error, found, rows[0].tolist())), kind, order)
+        return ErrorPart(_largest_error(found, rows[0]), kind, order)
+
+    def _counted(self, name: str, runs: Sequence[Observation], unit: str) -> Accuracy:
+        """Of what is no number."""
+        beside = [self._runs[self._elsewhere]] if self._elsewhere else []
+        runs = [*runs, *(run for run in beside if run.observed.figures[name] is not None)]
+        values, steps = [run.observed.figures[name] for run in runs], [run.step for run in runs]
+        return (_events if all(map(_are_events, values)) else _counted)(values, steps, unit)
 
 
 def error(accuracy: Accuracy, name: str, run: Observation) -> float:
     """By how much a metric, by its name, may be off in another run; infinite where that has no number."""
-    rows = _numbers([run.observed.figures[name]])
-    if rows is None or len(rows[0]) != len(accuracy.limits):
-        return math.inf
-    return max(map(Limit.error, accuracy.limits, rows[0].tolist()))
+    rows = _rows([run.observed.figures[name]])
+    fits = rows is not None and rows.shape[1] > max(accuracy.limits, default=0)
+    return _largest_error(accuracy.limits, rows[0]) if fits and rows is not None else math.inf
 
 
-def _worst(found: Sequence[Limit]) -> tuple[str, float | None]:
+def _largest_error(found: Limits, row: Array) -> float:
+    """Of all elements that have a limit; infinite if one of them is no number here."""
+    errors = [limit.error(float(row[k])) for k, limit in found.items()]
+    return max(errors) if all(map(math.isfinite, errors)) else math.inf
+
+
+def _worst(found: Limits) -> tuple[str, float | None]:
     """The kind of the least certain limit, and the order of the widest one if all have one."""
-    kind = min((one.kind for one in found), key=WORST_FIRST.index)
-    return kind, None if kind == NO_ORDER else max(found, key=lambda one: one.high - one.low).order
+    kind = min((one.kind for one in found.values()), key=WORST_FIRST.index)
+    return kind, None if kind == NO_ORDER else max(found.values(), key=lambda one: one.high - one.low).order
 
 
-def _numbers(values: Sequence[Any]) -> Array | None:
-    """Metrics as rows of numbers, those left out that are not finite and the same in all; None if that is not so."""
+def _rows(values: Sequence[Any]) -> Array | None:
+    """Metrics that are numbers, a row each; None if they are not, or not finite at places that are not the same."""
     if not all(map(_is_real, values)):
         return None
     arrays = [np.ravel(np.asarray(value, float)) for value in values]
@@ -105,7 +121,7 @@ def _numbers(values: Sequence[Any]) -> Array | None:
     finite = np.isfinite(rows).all(axis=0)
     others = rows[:, ~finite]
     same = all(np.array_equal(others[0], other, equal_nan=True) for other in others)
-    return rows[:, finite] if same and finite.any() else None
+    return rows if same and finite.any() else None
 
 
 def _is_real(value: Any) -> bool:
@@ -139,7 +155,7 @@ def _events(values: Sequence[list[Any]], steps: Sequence[float], unit: str) -> A
     times = np.array([[event["time"] for event in events] for events in happened[: len(TOTAL)]])
     found = [limits.limit(column, 1, 0.0, believed=False) for column in times.T.tolist()]
     errors = tuple(max(map(Limit.error, found, row)) + steps[2] for row in times.tolist()) if found else ()
-    return Accuracy(AGREES, unit=unit, values=kept, errors=errors, limits=tuple(found))
+    return Accuracy(AGREES, unit=unit, values=kept, errors=errors, limits=dict(enumerate(found)))
 
 
 def _who(event: Mapping[str, Any]) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from cosim.engine.compilation import Kernels
 from cosim.engine.outcome import Outcome
 from cosim.engine.program import Program
 from cosim.engine.run import ENGINES, Run
+from cosim.errors import DiagramErrors
 from cosim.machine.interruption import Interrupted
 from cosim.study import executors
 from cosim.study.variants import has_foreign
@@ -60,14 +62,16 @@ class RefinedRuns:
     def observe(self, refinements: Iterable[Refinement]) -> dict[Refinement, Observation]:
         """Run them, the longest first; how each ended is in its outcome.
 
-        FMUs run one after another, as nobody vouches for their code, and so does what is interpreted. Raises:
-        DiagramErrors of steps that do not fit the diagram, Interrupted, ResultError.
+        FMUs and plain Python run one after another, as nobody vouches for their code. Steps that lie elsewhere and do
+        not fit the diagram are left out. Raises: DiagramErrors of others that do not, Interrupted, ResultError.
         """
-        longest_first = sorted(refinements, key=lambda refinement: -refinement.cost)
-        runs = {refinement: self._run(refinement) for refinement in longest_first}
+        runs = {}
+        for refinement in sorted(refinements, key=lambda refinement: -refinement.cost):
+            with suppress(DiagramErrors) if refinement.lies_elsewhere else nullcontext():
+                runs[refinement] = self._run(refinement)
         self._total += self.network.diagram.run.stop * sum(refinement.cost for refinement in runs)
         count = min(executors.processors(), len(runs))
-        if count <= 1 or self._engine != ENGINES[0] or has_foreign(self.network):
+        if count <= 1 or self._is_python() or has_foreign(self.network):
             return {refinement: self._observation(refinement, run) for refinement, run in runs.items()}
         stop = threading.Event()
         with executors.threads(count) as executor:
@@ -87,6 +91,11 @@ class RefinedRuns:
         run = Run(network, self._engine, output, prepared=(built, self._compiled(built)))
         run.reductions = Observed(network, refinement.steps)
         return run
+
+    def _is_python(self) -> bool:
+        """Whether the interpreter has a part in it, at any block."""
+        modules = self._kernels.modules.values() if self._kernels else ()
+        return self._engine != ENGINES[0] or any(module is None for module in modules)
 
     def _compiled(self, built: Program) -> Kernels:
         """The kernels of all runs: they know of no step. Loaded here, where no other thread is loading."""

@@ -43,7 +43,7 @@ class Refinement:
 
 
 MOST_KEPT = 10
-"""How many steps there are at most from one common point to the next, see `elsewhere`."""
+"""How many steps there are from one common point to the next, if that is possible, see `elsewhere`."""
 Triple = tuple[Refinement, Refinement, Refinement]
 TOTAL: Triple = (Refinement(1), Refinement(2), Refinement(4))
 INTEGRATION: Triple = (Refinement(1, 1), Refinement(1, 2), Refinement(1, 4))
@@ -61,7 +61,7 @@ def elsewhere(network: Network) -> list[Refinement]:
     named += [bound for metric in network.diagram.metrics.values() for bound in (metric.start, metric.stop)]
     counts = [count for time in named if math.isfinite(time) and (count := multiple(time, run.step))]
     common = math.gcd(run.steps, *counts)
-    kept = max(count for count in range(1, MOST_KEPT + 1) if common % count == 0)
+    kept = max((count for count in range(2, MOST_KEPT + 1) if common % count == 0), default=common)
     return [Refinement(steps=kept + 1, coarser=kept)] if kept > 1 else []
 
 

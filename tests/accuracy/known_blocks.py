@@ -155,10 +155,13 @@ class Watch(Measure):
     level = Parameter()
     u = Input()
     below = Output(dtype=bool)
+    part = Output(2, finite=False, description="[NaN, u]")
     log = State(1, 2, output=True, start=math.nan, finite=False)
 
-    def outputs(u, level, below):
+    def outputs(u, level, below, part):
         below[0] = u < level
+        part[0] = math.nan
+        part[1] = u
 
     def update(time, u, level, log, next_log):
         if u < level and math.isnan(log[0, 0]):
@@ -174,3 +177,12 @@ class Drag(Block):
 
     def derivatives(x, k, d_x):
         d_x[0] = -k * x * abs(x)
+
+
+class Plain(Block, compiled=False):
+    """y = sin t, of which the interpreter takes care."""
+
+    y = Output()
+
+    def outputs(time, y):
+        y[0] = math.sin(time)

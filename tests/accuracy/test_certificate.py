@@ -18,6 +18,7 @@ from cosim.accuracy.refinement import TOTAL, Refinement, elsewhere, settings
 from cosim.engine import compilation, run
 from cosim.errors import NoCertificate, UsageError
 from cosim.export.exporter import export_fmu
+from cosim.study import executors
 
 STOP = 2.0
 REDUCTIONS = "max", "min", "mean", "rms", "final"
@@ -378,6 +379,8 @@ def test_a_refinement_changes_steps_and_keeps_times(diagram):
     assert other.diagram.run.step == pytest.approx(0.01 * 5 / 6) and other.components["n"].every == 6
     assert settings(network, TOTAL[0]) == []
     assert elsewhere(run.load(path, ["blocks.n.period=0.01"])) == []
+    text = "run: {stop: 1.3, step: 0.1}\nblocks: {w: {type: Wave}}\n"
+    assert elsewhere(run.load(diagram(text))) == [Refinement(14, 1, 13)]
 
 
 def test_one_step_is_certified_too(certified):
@@ -398,6 +401,68 @@ def test_arrays_have_the_error_of_their_worst_element(certified):
     errors = np.abs(np.array(found.values[0]) - np.exp([-1, 0, -3]))
     assert found.error == pytest.approx(1.25 * errors.max(), rel=0.1)
     assert len(found.limits) == 3 and found.coupling.kind == ROUNDING
+
+
+def test_a_window_that_steps_elsewhere_do_not_meet_is_judged_without_them(certified):
+    text = """
+    run: {stop: 1, step: 0.01}
+    blocks: {a: {type: Decay}, w: {type: Watch, parameters: {level: 0.5}, inputs: {u: a.x}}}
+    metrics:
+      x: {signal: a.x, reduce: max, from: 0.5099, to: 0.5101}
+      y: {signal: w.below, reduce: max, from: 0.5099, to: 0.5101}
+    """
+    made = certified(text)
+    assert made.metrics["x"].kind == ORDER and made.metrics["y"].kind == AGREES
+    assert made.metrics["x"].error >= abs(made.metrics["x"].values[0] - math.exp(-0.51))
+
+
+def test_steps_that_have_no_point_of_their_own_are_said_to_miss_the_same(certified):
+    made = certified(NOISE, "blocks.n.period=0.01")
+    assert made.metrics["lag"].kind == ORDER and made.runs == 6
+    assert any(note.startswith("all steps have their points in common") for note in made.notes)
+
+
+def test_a_diagram_inside_a_diagram_is_refined_with_it(certified, diagram):
+    """Its block has inner steps of its own: 3 Euler steps in each of 0.02."""
+    inner = """
+    blocks: {a: {type: Decay, inner_steps: 3}}
+    run: {stop: 1, step: 1}
+    outputs: {x: a.x}
+    """
+    diagram(inner, "inner.yaml")
+    text = """
+    run: {stop: 2, step: 0.02}
+    blocks: {outer: {diagram: inner.yaml}}
+    record: {period: 0.5, signals: [outer.x]}
+    metrics: {x: {signal: outer.x, reduce: final}}
+    """
+    made = certified(text)
+    found = made.metrics["x"]
+    assert found.values[0] == pytest.approx((1 - 0.02 / 3) ** 300)
+    assert found.integration.error == pytest.approx((1 - 0.02 / 3) ** 300 - math.exp(-2), rel=0.02)
+    assert found.coupling.kind == ROUNDING and made.signals["outer/a.x"].kind == ORDER
+
+
+def test_plain_python_runs_one_after_another(certified, monkeypatch):
+    """What its functions share, runs at once would take from each other."""
+    monkeypatch.setattr(executors, "threads", None)
+    text = """
+    run: {stop: 1, step: 0.1}
+    blocks: {a: {type: Decay, inputs: {u: p.y}}, p: {type: Plain}}
+    metrics: {x: {signal: a.x, reduce: final}}
+    """
+    assert certified(text).metrics["x"].kind == ORDER
+
+
+def test_arrays_that_are_finite_in_part_are_judged_by_that(certified):
+    text = """
+    run: {stop: 1, step: 0.01}
+    blocks: {a: {type: Decay}, w: {type: Watch, parameters: {level: 0.5}, inputs: {u: a.x}}}
+    metrics: {x: {signal: w.part, reduce: final}}
+    """
+    found = certified(text).metrics["x"]
+    assert list(found.limits) == [1] and found.kind == ORDER
+    assert found.error == pytest.approx(1.25 * abs(0.99**100 - math.exp(-1)), rel=0.02)
 
 
 def test_what_is_not_finite_is_no_number_to_be_sure_of(certified):
