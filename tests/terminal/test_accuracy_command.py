@@ -186,6 +186,18 @@ def test_errors_of_a_run_need_a_metric(cosim):
     assert not Path("results").exists()
 
 
+def test_the_errors_are_drawn_over_the_step(cosim):
+    code, _, err = cosim("accuracy", DECAY, "--plot", "errors.svg")
+    drawn = Path("errors.svg").read_text()
+    assert (code, err) == (0, "") and drawn.startswith("<?xml") and "</svg>" in drawn
+    code, out, err = cosim("accuracy", DECAY, "--plot", "errors.txt")
+    assert code == 2 and out == "" and "the name of a picture ends in .png or .svg or .pdf" in err
+    code, out, err = cosim(
+        "accuracy", DECAY, "--plot", "none.svg", "--set", "metrics.last=~", "--set", "metrics.when=~"
+    )
+    assert code == 2 and "no metric has an error that could be drawn" in err
+
+
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 @pytest.mark.parametrize("command", ["accuracy", "run"])
 def test_a_signal_ends_all_runs(tmp_path, command, name):

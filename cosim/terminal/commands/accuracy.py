@@ -11,9 +11,13 @@ from contextlib import suppress
 from pathlib import Path
 
 from cosim.accuracy import certificate
+from cosim.accuracy.certificate import Certificate
 from cosim.accuracy.largest_step import Wanted
 from cosim.accuracy.refined_runs import RefinedRuns
-from cosim.errors import NoCertificate, UsageError, nearest
+from cosim.errors import NoCertificate, PlotError, UsageError, nearest
+from cosim.machine import files
+from cosim.plot import error_lines
+from cosim.plot.style import FORMATS
 from cosim.results.metrics import for_json
 from cosim.terminal import accuracy_display, screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
@@ -33,6 +37,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     diagram_arguments(parser)
     help_ = "find the largest step with such an error: relative, or absolute of one metric or signal"
     parser.add_argument("--wanted", action="append", default=[], type=_wanted, metavar="[NAME=]X", help=help_)
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the metrics' errors over the step: .png, .svg, .pdf"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -41,6 +48,8 @@ def run(options: argparse.Namespace) -> int:
     network = load_network(options)
     certificate.require_figures(network, signals=True)
     wanted = _asked(options.wanted, network)
+    if options.plot:
+        files.require_ending(options.plot, "a picture", *FORMATS)
     with tempfile.TemporaryDirectory(prefix="cosim-") as folder, screen.Progress(network.diagram.run.stop) as progress:
         recorded = Path(folder) if network.recorded else None
         runs = RefinedRuns(
@@ -50,6 +59,8 @@ def run(options: argparse.Namespace) -> int:
             made = certificate.certify(runs, wanted)
         except NoCertificate as error:
             return _none(error, options)
+    if options.plot:
+        error_lines.draw(made.steps, _relative(made), options.plot)
     if options.json:
         print(json.dumps(for_json(made.as_json()), ensure_ascii=False))
     else:
@@ -64,6 +75,16 @@ def _none(error: NoCertificate, options: argparse.Namespace) -> int:
         )
     screen.print_errors(error)
     return UNCERTAIN
+
+
+def _relative(made: Certificate) -> dict[str, list[float]]:
+    """The errors that can be drawn, of each metric at all steps. Raises: PlotError if there are none."""
+    metrics = {
+        name: accuracy for name, accuracy in made.metrics.items() if accuracy.size and max(accuracy.errors) > 0.0
+    }
+    if not metrics:
+        raise PlotError("no metric has an error that could be drawn", fix="leave --plot out")
+    return {name: [error / accuracy.size for error in accuracy.errors] for name, accuracy in metrics.items()}
 
 
 def _wanted(text: str) -> tuple[str, float]:
