@@ -219,6 +219,10 @@ class MetricError(CosimError):
     """A metric whose signal, reduction or time window does not make sense."""
 
 
+class NoCertificate(CosimError):
+    """A diagram whose accuracy nobody can tell, as a run with another step does not come to its end."""
+
+
 class PlotError(CosimError):
     """A picture that cannot be drawn from what a result holds."""
 

@@ -24,6 +24,7 @@ FLOORS = (
     "wiring",
     "engine",
     "study",
+    "accuracy",
     "export",
     "report",
     "terminal",

@@ -60,6 +60,7 @@ class Outcome:
     conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
+    accuracy: dict[str, Any] = field(default_factory=dict)  # of metrics, where somebody has asked for it
     swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
     stepping: Stepping | None = None  # where a tolerance chose the steps
 
@@ -84,6 +85,8 @@ class Outcome:
             content["warnings"] = [str(warning) for warning in self.warnings]
         if self.conditions:
             content["conditions"] = self.verdicts
+        if self.accuracy:
+            content["accuracy"] = self.accuracy
         if self.swaps:
             content["swaps"] = self.swaps
         if self.stepping:

@@ -10,10 +10,18 @@ import numpy as np
 
 from cosim.results.metrics import for_json, from_json
 
-JSON = ("settings", "versions", "seconds", "metrics", "reductions", "conditions")
+JSON = ("settings", "versions", "seconds", "metrics", "reductions", "conditions", "accuracy")
 #: What is known at the end only, with bytes set aside for it: what fits is written in place, so that at no instant is
 #: there a file whose header points to what is not yet on disk.
-LAST = {"message": 512, "steps": 0, "metrics": 2048, "seconds": 128, "conditions": 2048, "status": 16}
+LAST = {
+    "message": 512,
+    "steps": 0,
+    "metrics": 2048,
+    "seconds": 128,
+    "conditions": 2048,
+    "accuracy": 2048,
+    "status": 16,
+}
 
 
 def write(file: Any, attributes: Mapping[str, Any]) -> None:
@@ -26,21 +34,27 @@ def write(file: Any, attributes: Mapping[str, Any]) -> None:
 
 def write_last(file: Any, values: Mapping[str, Any]) -> None:
     """What is known at the end of a run: a value for each key of LAST, in place if it fits."""
-    for key, size in LAST.items():
+    for key in LAST:
         if key == "status":
             file.flush()  # whoever finds a status finds the rest
-        text = _text(key, values[key])
         if key == "steps":
             file.attrs.get_id(key).write(np.array(values[key]))
-        elif len(text) <= size:
-            file.attrs.get_id(key).write(np.array(text, f"S{size}"))
         else:
-            file.attrs[key] = text.decode()
+            write_text(file, key, values[key])
+
+
+def write_text(file: Any, key: str, value: Any) -> None:
+    """A value other than a number, for a key of LAST, in place if it fits."""
+    text, size = _text(key, value), LAST[key]
+    if len(text) <= size:
+        file.attrs.get_id(key).write(np.array(text, f"S{size}"))
+    else:
+        file.attrs[key] = text.decode()
 
 
 def size_of(values: Mapping[str, Any]) -> int:
-    """The bytes of what does not fit where it was to be."""
-    sizes = [(len(_text(key, values[key])), size) for key, size in LAST.items() if size]
+    """The bytes of those values that do not fit where they were to be."""
+    sizes = [(len(_text(key, values[key])), size) for key, size in LAST.items() if size and key in values]
     return sum(long for long, size in sizes if long > size)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from decimal import Decimal
+from decimal import ROUND_CEILING, Decimal
 from typing import Any
 
 from cosim.results.metrics import for_json
@@ -14,6 +14,8 @@ MOST_DIGITS = 10**9
 VISIBLE_CHANGE = 5e-5
 """Four digits show a relative change from here on, if not always."""
 ELEMENTS_SHOWN = 6
+MOST_SHOWN = 10
+"""Digits beyond these are not read, however small the error is."""
 
 
 def format_value(value: Any) -> str:
@@ -71,6 +73,56 @@ def format_duration(seconds: float) -> str:
     if whole < 3600:
         return f"{whole // 60} min {whole % 60} s"
     return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def format_seconds(seconds: float, digits: int = 12) -> str:
+    """A step, such as `0.5 ms`."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if seconds >= 0.1 * size:
+            return f"{seconds / size:.{digits}g} {unit}"
+    return f"{seconds / 1e-6:.{digits}g} µs"
+
+
+def format_with_error(value: Any, error: float | None) -> str:
+    """A value to the digit that its error leaves, such as `0.1319 ± 0.0004`; the error's one digit, or two, rounded up.
+
+    A list has one error, that of its worst element.
+    """
+    if error is None:
+        return format_value(value)
+    if not _is_number(value):
+        return (
+            f"{format_value(value)}{chr(10) if value and isinstance(value[0], Mapping) else ' '}± {format_error(error)}"
+        )
+    if not 0.0 < error < math.inf:
+        return f"{format_value(value)} ± {error:g}"
+    exact, off = Decimal(value), _rounded_up(error)
+    last = off.as_tuple().exponent
+    assert isinstance(last, int)
+    if exact and last < exact.adjusted() - MOST_SHOWN:
+        return f"{value:.{MOST_SHOWN}g} ± {format_error(error)}"
+    shown = exact.quantize(off)
+    shown = shown or shown.copy_abs()  # no -0.0
+    largest = max(shown.copy_abs(), off).adjusted()
+    if -5 < largest < 7:
+        return f"{shown:f} ± {off:f}"
+    return f"({shown.scaleb(-largest):f} ± {off.scaleb(-largest):f})e{largest:+03d}"
+
+
+def format_error(error: float) -> str:
+    """An error with one digit, or two, rounded up."""
+    if not 0.0 < error < math.inf:
+        return f"{error:g}"
+    off = _rounded_up(error)
+    return f"{off:f}" if -5 < off.adjusted() < 7 else f"{float(off):g}"
+
+
+def _rounded_up(error: float) -> Decimal:
+    """One digit, or two where the first is a 1; never less than the error itself."""
+    exact = Decimal(repr(error))  # of 0.1, one digit
+    digits = 2 if exact.as_tuple().digits[0] == 1 else 1
+    unit = Decimal(1).scaleb(exact.adjusted() + 1 - digits)
+    return exact.quantize(unit, ROUND_CEILING)
 
 
 def _format_event(event: Mapping[str, Any]) -> str:

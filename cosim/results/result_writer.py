@@ -109,6 +109,7 @@ class ResultWriter:
             problem, status, message = error, "failed", error.message
         last: dict[str, Any] = {"status": status, "message": message, "steps": steps}
         last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
+        last["accuracy"] = {}
         try:
             with as_result_error("write", self.path):
                 disk_space.reserve_bytes(self._file, attributes.size_of(last))
@@ -157,3 +158,14 @@ class ResultWriter:
         self._file = h5py.File(self.path, "r+", locking=False, libver=LIBVER)
         self._time = self._file["time"]
         self._variables = {name: self._file[netcdf_layout.netcdf_name(name)] for name in self._signals}
+
+
+def add_accuracy(path: Path, accuracy: Mapping[str, Any]) -> None:
+    """Note in a result that is closed how sure its metrics are, which further runs have told. Raises: ResultError."""
+    import h5py
+
+    with as_result_error("write", path), h5py.File(path, "r+", locking=False, libver=LIBVER) as file:
+        disk_space.reserve_bytes(file, attributes.size_of({"accuracy": accuracy}))
+        attributes.write_text(file, "accuracy", accuracy)
+        file.flush()
+        disk_space.give_back(file)

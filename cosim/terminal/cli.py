@@ -21,6 +21,7 @@ from cosim.terminal.usage import Parser
 
 COMMANDS = {
     "run": "run a diagram and print its metrics",
+    "accuracy": "say how wrong a diagram's figures may be",
     "check": "validate a diagram without running it",
     "blocks": "list the blocks, or show one",
     "keys": "list what may be written in a diagram or a study",

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
 
 from cosim.errors import CosimError, DiagramErrors, Position
-from cosim.results.formatting import format_change, format_duration, format_value
+from cosim.results.formatting import format_change, format_duration, format_value, format_with_error
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,7 +28,9 @@ TIED = "\N{NO-BREAK SPACE}"
 """A space at which no line ends; `print_wrapped` prints it as any other."""
 PATIENCE = 0.3
 """Seconds of wall-clock time that pass before a progress bar appears: a short run is not worth one."""
-ASCII = str.maketrans({"–": "-", "—": "-", "×": "x", "…": "...", "µ": "u", "²": "2", "³": "3", "√": "sqrt ", "·": "."})
+ASCII = str.maketrans(
+    {"–": "-", "—": "-", "×": "x", "…": "...", "µ": "u", "²": "2", "³": "3", "√": "sqrt ", "·": ".", "±": "+/-"}
+)
 
 
 CONTROLS = {
@@ -49,17 +51,22 @@ def metrics_table(
     units: Mapping[str, str] | None = None,
     windows: Mapping[str, str] | None = None,
     file: IO[str] | None = None,
+    errors: Mapping[str, float | None] | None = None,
 ) -> None:
     """Print a run's metrics to standard output, or to `file`; names, numbers and units stay in one piece.
 
     previous: those of the run before, to be compared with. units, windows: by metric, as text; `str(reduction)` is
-    such a window.
+    such a window. errors: by metric, by how much it may be off.
     """
     console = _console(file or sys.stdout)
     columns = ["metric", "value", "unit", *(["previous", "change"] if previous is not None else []), "reduction"]
     rows = []
     for name, value in metrics.items():
-        cells = [name, _lines(format_value(value)), "" if isinstance(value, list) else (units or {}).get(name, "")]
+        cells = [
+            name,
+            _lines(format_with_error(value, (errors or {}).get(name))),
+            "" if isinstance(value, list) else (units or {}).get(name, ""),
+        ]
         if previous is not None:
             before = _lines(format_value(previous[name])) if name in previous else ""
             cells += [before, format_change(value, previous, name)]
@@ -145,8 +152,9 @@ class Progress:
         self._began = time.perf_counter()
         return self
 
-    def update(self, simulated: float) -> None:
-        """Show how far the run is; simulated time in s."""
+    def update(self, simulated: float, stop: float | None = None) -> None:
+        """Show how far the run is; simulated time in s. stop: its end, if that was not known before."""
+        self._stop = self._stop if stop is None else stop
         passed = time.perf_counter() - self._began
         if not self._watched or passed < PATIENCE:
             return
@@ -154,7 +162,7 @@ class Progress:
             self._open()
         speed = simulated / passed
         left = f"{format_duration((self._stop - simulated) / speed)} left" if speed else ""
-        self._bar.update(self._task, completed=simulated, speed=f"{speed:.3g} × real time", left=left)
+        self._bar.update(self._task, completed=simulated, total=self._stop, speed=f"{speed:.3g} × real time", left=left)
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
@@ -165,7 +173,7 @@ class Progress:
         from rich.progress import Progress as Bar
 
         console = _console(self._file)
-        show = [f"{{task.completed:.4g}} / {self._stop:g} s", "{task.fields[speed]}", "{task.fields[left]}"]
+        show = ["{task.completed:.4g} / {task.total:g} s", "{task.fields[speed]}", "{task.fields[left]}"]
         columns = [TextColumn(_plain(text, console)) for text in show]
         self._bar = Bar(BarColumn(bar_width=None), *columns, console=console, transient=True, expand=True)
         self._task = self._bar.add_task("", total=self._stop, speed="", left="")

@@ -9,7 +9,7 @@ from typing import IO, Any, Self
 
 from cosim.results.formatting import format_duration
 from cosim.study.text_tables import TextTable
-from cosim.terminal.screen import CONTROLS, PATIENCE, print_table
+from cosim.terminal.screen import ASCII, CONTROLS, PATIENCE, print_table
 
 
 def show(table: TextTable, file: IO[str] | None = None) -> None:
@@ -20,6 +20,7 @@ def show(table: TextTable, file: IO[str] | None = None) -> None:
 
     console = Console(file=file or sys.stdout, highlight=False, markup=False, emoji=False)
     plain = not console.encoding.startswith("utf")
+    shown = {**CONTROLS, **ASCII} if plain else CONTROLS
     made = Table(
         title=table.title.translate(CONTROLS) or None,
         title_justify="left",
@@ -30,7 +31,7 @@ def show(table: TextTable, file: IO[str] | None = None) -> None:
     for k, name in enumerate(table.head):
         made.add_column(name, justify="left" if k < labels else "right", no_wrap=True)
     for row in table.rows:
-        made.add_row(*(cell.translate(CONTROLS) for cell in row))
+        made.add_row(*(cell.translate(shown) for cell in row))
     print_table(made, console)
     for note in table.notes:
         console.print(note)

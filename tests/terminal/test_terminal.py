@@ -304,8 +304,20 @@ def test_progress_shows_time_speed_and_time_left(monkeypatch):
     shown = []
     monkeypatch.setattr(Bar, "update", lambda self, task, **fields: shown.append(fields))
     run_with_progress(Screen(), monkeypatch)
-    assert shown[0] == {"completed": 10.0, "speed": "10 × real time", "left": "2 s left"}
-    assert shown[-1] == {"completed": 30.0, "speed": "10 × real time", "left": "0 s left"}
+    assert shown[0] == {"completed": 10.0, "total": 30.0, "speed": "10 × real time", "left": "2 s left"}
+    assert shown[-1] == {"completed": 30.0, "total": 30.0, "speed": "10 × real time", "left": "0 s left"}
+
+
+def test_the_end_may_be_told_on_the_way():
+    screen = Screen()
+    with Progress(30.0, screen) as progress:
+        progress._began -= 10
+        progress.update(15.0, 60.0)
+        progress._bar.refresh()
+        progress.update(30.0, 120.0)
+        progress._bar.refresh()
+    text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
+    assert "15 / 60 s 1.5 × real time 30 s left" in text and "30 / 120 s" in text
 
 
 def test_progress_is_drawn_and_taken_away():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.wiring.network import Network
@@ -17,9 +18,9 @@ def diagram_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar=name.upper(), help=text)
 
 
-def load_network(options: argparse.Namespace, code: bool = True) -> Network:
-    """The wired diagram that the options name; code as of `wiring.wire`. Raises: DiagramErrors."""
+def load_network(options: argparse.Namespace, code: bool = True, more: Sequence[str] = ()) -> Network:
+    """The wired diagram that the options name; code as of `wiring.wire`, more: settings. Raises: DiagramErrors."""
     from cosim.engine import run
 
     settings = [f"run.{k}={v}" for k in ("stop", "step", "method") if (v := getattr(options, k)) is not None]
-    return run.load(options.diagram, [*options.set, *settings], options.swap, code)
+    return run.load(options.diagram, [*options.set, *settings, *more], options.swap, code)

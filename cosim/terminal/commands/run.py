@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.engine.outcome import Outcome
 from cosim.engine.run import ENGINES, Run
@@ -15,7 +16,10 @@ from cosim.machine import files
 from cosim.results import csv_table, result_file
 from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
-from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED
+from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED, UNCERTAIN
+
+if TYPE_CHECKING:
+    from cosim.accuracy.certificate import Certificate
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help="python: for breakpoints in blocks")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.nc", help="result (default: results/<diagram>.nc)")
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
+    help_ = "say how wrong each metric may be, by three more runs, which take 7 times as long as one"
+    parser.add_argument("--error", action="store_true", help=help_)
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -40,18 +46,31 @@ def run(options: argparse.Namespace) -> int:
     previous = (
         result_file.read_metrics(output, run.reductions.meanings) if output.exists() and output.stat().st_size else None
     )
+    certify = _certifier(run, options)
     with screen.Progress(network.diagram.run.stop) as progress:
         outcome = run.execute(progress.update)
+    certificate = certify(outcome)
     if options.json:
         print(outcome.as_json())
     else:
-        _report(outcome, previous)
+        _report(outcome, previous, certificate)
     if outcome.error:
         screen.print_errors(outcome.error)
     if options.csv:
         with result_file.open_result(output) as result:
             csv_table.write_csv(options.csv, result)
-    return _exit_code(outcome)
+    uncertain = options.error and (certificate is None or certificate.changing)
+    return _exit_code(outcome) or (UNCERTAIN if uncertain else DONE)
+
+
+def _certifier(run: Run, options: argparse.Namespace) -> Callable[[Outcome], Certificate | None]:
+    """What gives a run its certificate when it is done; none where none is wanted, or it does not come to its end."""
+    if not options.error:
+        return lambda outcome: None
+    from cosim.terminal import certifying
+
+    certifying.prepare(run)
+    return lambda outcome: certifying.certify(run, outcome, options) if outcome.status == "completed" else None
 
 
 def _exit_code(outcome: Outcome) -> int:
@@ -60,8 +79,14 @@ def _exit_code(outcome: Outcome) -> int:
     return DONE if outcome.status == "completed" else STOPPED
 
 
-def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
-    screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
+def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Certificate | None) -> None:
+    errors = {name: accuracy.error for name, accuracy in certificate.metrics.items()} if certificate else None
+    screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows, errors=errors)
+    if certificate:
+        from cosim.terminal import accuracy_display
+
+        print()
+        accuracy_display.print_notes(certificate)
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""

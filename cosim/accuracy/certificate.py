@@ -1,0 +1,186 @@
+"""The certificate of accuracy of a diagram: by how much each metric and each recorded signal may be off."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from cosim.accuracy import largest_step, metric_accuracy
+from cosim.accuracy.accuracies import CHANGES, Accuracy
+from cosim.accuracy.largest_step import Subject, Wanted
+from cosim.accuracy.metric_accuracy import MetricJudge
+from cosim.accuracy.refined_runs import Observation, RefinedRuns
+from cosim.accuracy.refinement import (
+    COUPLING,
+    INTEGRATION,
+    TOTAL,
+    Refinement,
+    elsewhere,
+    highest_order,
+    sampled_by_the_step,
+    steps_of_their_own,
+    why_not_parts,
+)
+from cosim.accuracy.signal_accuracy import SignalJudge
+from cosim.errors import NoCertificate, UsageError
+from cosim.results.formatting import format_seconds
+from cosim.wiring.network import Network, Signal
+
+Runs = Mapping[Refinement, Observation]
+NESTED = "all steps have their points in common, so what happens between two may be as wrong with all of them"
+FMUS = "a co-simulation FMU may have inner steps of its own"
+ENDINGS = {"diverged": "diverges", "failed": "fails", "terminated": "is ended"}
+
+
+@dataclass
+class Certificate:
+    """How sure the figures of a diagram are. steps: those that were compared (s). notes: what to bear in mind.
+
+    runs: how many, and cost: as how many runs of the diagram; seconds: of wall-clock time.
+    """
+
+    diagram: str
+    method: str
+    steps: tuple[float, ...]
+    metrics: dict[str, Accuracy]
+    signals: dict[str, Accuracy] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    runs: int = 0
+    cost: float = 0.0
+    seconds: float = 0.0
+
+    @property
+    def changing(self) -> list[str]:
+        """The metrics that are counted and depend on the step, a sentence each."""
+        return [f"{name}: {accuracy.said}" for name, accuracy in self.metrics.items() if accuracy.kind == CHANGES]
+
+    def as_json(self) -> dict[str, Any]:
+        """For JSON, before `for_json`."""
+        content: dict[str, Any] = {
+            "diagram": self.diagram,
+            "status": "depends on the step" if self.changing else "done",
+        }
+        content |= {"method": self.method, "steps": list(self.steps), "runs": self.runs, "cost": self.cost}
+        content |= {"seconds": round(self.seconds, 6), "notes": self.notes, "changing": self.changing}
+        for name in ("metrics", "signals"):
+            content[name] = {key: accuracy.as_json() for key, accuracy in getattr(self, name).items()}
+        return content
+
+
+def require_figures(network: Network, signals: bool) -> None:
+    """Raises: UsageError where there is no metric, and no recorded signal if `signals` count too."""
+    if network.reduced or (signals and network.recorded):
+        return
+    also = " and records no signal" if signals else ""
+    message = f"{network.diagram.path} has no metric{also}, so there is no figure that may be wrong"
+    raise UsageError(message, fix="such as metrics: {largest: {signal: plant.x, reduce: max}}")
+
+
+def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
+    """The certificate of a diagram, with all parts, by seven runs; by more, with larger steps, where errors are wanted.
+
+    Raises: NoCertificate where a run with a smaller step does not come to its end; else as `RefinedRuns.observe`.
+    """
+    began, network = time.perf_counter(), runs.network
+    why = why_not_parts(network)
+    parts = set() if why else {*INTEGRATION, *COUPLING}
+    observed = runs.observe({*TOTAL, *parts, *elsewhere(network)})
+    made = _begun(network, observed)
+    made.notes += [f"coupling and integration are not told apart: {why}"] if why else []
+    doubts = sampled_by_the_step(network)
+    with SignalJudge(observed, *_theory(network)) as judge:
+        for signal in network.recorded:
+            name = str(signal)
+            made.signals[name] = judge.judge(name, _unit(network, signal), _doubt(doubts, signal))
+            made.notes += [f"{name}: {made.signals[name].said}"] if made.signals[name].kind == CHANGES else []
+        if wanted:
+            observed |= largest_step.find([*_subjects(made, judge)], wanted, runs)
+    return _counted(made, observed, began)
+
+
+def certify_run(done: Observation, runs: RefinedRuns) -> Certificate:
+    """The certificate of a run that is done, of its metrics alone, by three more. Raises: as `certify`."""
+    began = time.perf_counter()
+    observed = {TOTAL[0]: done, **runs.observe({*TOTAL[1:], *elsewhere(runs.network)})}
+    return _counted(_begun(runs.network, observed), observed, began)
+
+
+def _counted(made: Certificate, observed: Runs, began: float) -> Certificate:
+    made.runs, made.cost = len(observed), sum(refinement.cost for refinement in observed)
+    made.seconds = time.perf_counter() - began
+    return made
+
+
+def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certificate:
+    """With the metrics; runs that have failed, and only give more, are left out. Raises: NoCertificate."""
+    _require_ends(observed)
+    doubts = sampled_by_the_step(network)
+    notes = [_sampled(name) for name in dict.fromkeys(doubts.values())]
+    if alone := steps_of_their_own(network):
+        notes.append(f"of {', '.join(alone)}, only what follows the communication step is in the errors: {FMUS}")
+    notes += [_left_out(r, observed.pop(r)) for r in [*observed] if observed[r].outcome.status != "completed"]
+    if not any(refinement.lies_elsewhere for refinement in observed):
+        notes.append(NESTED)
+    judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units
+    metrics = {name: judge.judge(name, units[name], _doubt(doubts, signal)) for name, signal in network.reduced.items()}
+    steps = tuple(observed[refinement].step for refinement in TOTAL)
+    return Certificate(str(network.diagram.path), network.diagram.run.method, steps, metrics, notes=notes)
+
+
+def _require_ends(observed: Runs) -> None:
+    """Raises: NoCertificate, with every step at which a run does not come to its end."""
+    runs = [observed[refinement] for refinement in TOTAL]
+    failed = [run for run in runs if run.outcome.status != "completed"]
+    if not failed:
+        return
+    whole = [format_seconds(run.step) for run in runs if run not in failed]
+    also = f"; at {' and '.join(whole)} it comes to its end" if whole else ""
+    error = next((run.outcome.error for run in failed if run.outcome.error), None)
+    fix = "a smaller `run.step`, if the step is too large for the method" if whole else error.fix if error else ""
+    message = f"nobody can tell how wrong the figures are: {'; '.join(map(_ending, failed))}{also}"
+    raise NoCertificate(message, error.position if error else None, fix)
+
+
+def _ending(run: Observation) -> str:
+    return f"with steps of {format_seconds(run.step)} the run {ENDINGS[run.outcome.status]}: {run.outcome.reason}"
+
+
+def _left_out(refinement: Refinement, run: Observation) -> str:
+    """What cannot be told without a run."""
+    if refinement.lies_elsewhere:
+        return f"steps that lie elsewhere are of no use: {_ending(run)}"
+    return f"coupling and integration are not told apart: in {refinement.inner} times the inner steps, {_ending(run)}"
+
+
+def _theory(network: Network) -> tuple[int, int]:
+    """The highest order that theory admits, and how many steps of integration the longest run has."""
+    run = network.diagram.run
+    inner = max([run.inner_steps, *(component.inner_steps for component in network.components.values())])
+    return highest_order(network), run.steps * inner * TOTAL[-1].steps
+
+
+def _unit(network: Network, signal: Signal) -> str:
+    unit = network.variable(signal).unit
+    return unit if isinstance(unit, str) else ""
+
+
+def _doubt(doubts: Mapping[str, str], signal: Signal) -> str:
+    return _sampled(doubts[signal.component]) if signal.component in doubts else ""
+
+
+def _sampled(name: str) -> str:
+    return (
+        f"{name} is sampled at every step, so with another step it is another block, and what it acts on has no order; "
+        f"with a `period` it stays the same"
+    )
+
+
+def _subjects(made: Certificate, judge: SignalJudge) -> Iterator[Subject]:
+    """What an error may be wanted of."""
+    for name, accuracy in made.metrics.items():
+        yield Subject(name, accuracy, partial(metric_accuracy.error, accuracy, name))
+    for name, accuracy in made.signals.items():
+        yield Subject(name, accuracy, partial(judge.error, name))

@@ -1,0 +1,145 @@
+"""Which runs tell the errors of a diagram apart, and what each of them changes in it.
+
+total         steps of h, h/2, h/4, with as many inner steps in each: all errors fall together
+integration   inner steps alone are halved: what blocks make of inputs that are held, or taken, as before
+coupling      the communication step alone is halved, inner steps are as small as in the finest of all runs
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cosim.integrators import INTEGRATORS
+from cosim.language.keys import MOST_INNER_STEPS
+from cosim.language.reader import multiple
+from cosim.wiring.network import Component, Network
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A run that takes so many steps where the diagram's own takes one, each with so many times the inner steps.
+
+    coarser: or one step where the diagram takes so many.
+    """
+
+    steps: int = 1
+    inner: int = 1
+    coarser: int = 1
+
+    @property
+    def lies_elsewhere(self) -> bool:
+        """Whether most of its points lie between those of the diagram's own run."""
+        return self.steps > 1 and self.coarser > 1
+
+    @property
+    def cost(self) -> float:
+        """How many times as long as the diagram's own run it takes."""
+        return self.steps * self.inner / self.coarser
+
+    def step(self, step: float) -> float:
+        """The communication step (s) where that of the diagram is `step`."""
+        return step * self.coarser / self.steps
+
+
+MOST_KEPT = 10
+"""How many steps there are from one common point to the next, if that is possible, see `elsewhere`."""
+Triple = tuple[Refinement, Refinement, Refinement]
+TOTAL: Triple = (Refinement(1), Refinement(2), Refinement(4))
+INTEGRATION: Triple = (Refinement(1, 1), Refinement(1, 2), Refinement(1, 4))
+COUPLING: Triple = (Refinement(1, 4), Refinement(2, 2), Refinement(4, 1))
+
+
+def elsewhere(network: Network) -> list[Refinement]:
+    """A run whose steps lie elsewhere; it has in common every tenth point, if it can, as times are round numbers.
+
+    So an input that changes at 0.3 s does so at a point of its. It has also whatever the diagram names: the ends of
+    windows, and all periods. None if it would have no point of its own.
+    """
+    run = network.diagram.run
+    named = [float(e.settings["period"].value) for e in network.diagram.blocks.values() if "period" in e.settings]
+    named += [bound for metric in network.diagram.metrics.values() for bound in (metric.start, metric.stop)]
+    counts = [count for time in named if math.isfinite(time) and (count := multiple(time, run.step))]
+    common = math.gcd(run.steps, *counts)
+    kept = max((count for count in range(2, MOST_KEPT + 1) if common % count == 0), default=common)
+    return [Refinement(steps=kept + 1, coarser=kept)] if kept > 1 else []
+
+
+def settings(network: Network, refinement: Refinement) -> list[str]:
+    """What a refinement changes in a diagram, as of --set.
+
+    What is recorded is so at the times at which the diagram says, or at those of them that are whole numbers of steps.
+    """
+    changed, own = [], network.diagram.run.step
+    if refinement != Refinement():
+        changed.append(f"run.step={refinement.step(own)!r}")
+        if record := network.diagram.record:
+            steps = round(record.period / own)
+            changed.append(f"record.period={own * math.lcm(steps, refinement.coarser)!r}")
+    if refinement.inner > 1:
+        changed.append(f"run.inner_steps={network.diagram.run.inner_steps * refinement.inner}")
+        changed += [f"blocks.{c.name}.inner_steps={c.inner_steps * refinement.inner}" for c in _with_own(network)]
+    return changed
+
+
+def _with_own(network: Network) -> list[Component]:
+    """The components with inner steps of their own."""
+    own = [c for c in network.components.values() if "inner_steps" in c.entry.settings]
+    return [c for c in own if c.declaration.continuous() and network.diagram.run.method != "joint"]
+
+
+def steps_of_their_own(network: Network) -> list[str]:
+    """The components that step by themselves: co-simulation FMUs, whose inner steps are their own."""
+    return [name for name, component in network.components.items() if component.declaration.kind("step")]
+
+
+def why_not_parts(network: Network) -> str:
+    """Why the errors of coupling and of integration cannot be told apart; nothing where they can."""
+    most = max([network.diagram.run.inner_steps, *(c.inner_steps for c in network.components.values())])
+    if alone := steps_of_their_own(network):
+        return f"the inner steps of {', '.join(alone)} cannot be halved"
+    if not any(c.declaration.continuous() for c in network.components.values()):
+        return "no block has continuous states"
+    if most * COUPLING[0].inner > MOST_INNER_STEPS:
+        return f"there can be no more than {MOST_INNER_STEPS} inner steps"
+    return ""
+
+
+def highest_order(network: Network) -> int:
+    """The highest order that theory admits: of the best integrator; an FMU may have any."""
+    components = network.components.values()
+    if steps_of_their_own(network):
+        return max(tableau.order for tableau in INTEGRATORS.values())
+    run = network.diagram.run
+    used = (
+        [run.integrator] if run.method == "joint" else [c.integrator for c in components if c.declaration.continuous()]
+    )
+    return max((INTEGRATORS[name].order for name in used), default=1)
+
+
+def sampled_by_the_step(network: Network) -> dict[str, str]:
+    """The components on which a block acts that is sampled at every step, by name, with that block.
+
+    Its period is the step, so that a smaller step makes another system of it: a unit delay has another delay, and noise
+    other values. Measures are sampled to see more, and act on nothing.
+    """
+    readers: dict[str, set[str]] = {}
+    for component in network.components.values():
+        for source in (source for wires in component.wires.values() for source in wires):
+            readers.setdefault(source.component, set()).add(component.name)
+    found: dict[str, str] = {}
+    for component in network.components.values():
+        if _is_sampled_by_the_step(component):
+            todo = [component.name]
+            while todo:
+                name = todo.pop()
+                if name not in found:
+                    found[name] = component.name
+                    todo += readers.get(name, ())
+    return found
+
+
+def _is_sampled_by_the_step(component: Component) -> bool:
+    declaration = component.declaration
+    sampled = declaration.kind("update") and not (declaration.measuring or declaration.foreign)
+    return bool(sampled) and "period" not in component.entry.settings
