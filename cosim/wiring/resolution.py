@@ -8,7 +8,18 @@ from __future__ import annotations
 from cosim.authoring.variables import Output
 from cosim.errors import Problems, WrongValue
 from cosim.language.diagram import Diagram, note_inherited
-from cosim.wiring import components, conditions, dimensions, given_values, matching, named_signals, order, sizes, wires
+from cosim.wiring import (
+    components,
+    conditions,
+    dimensions,
+    given_values,
+    integers,
+    matching,
+    named_signals,
+    order,
+    sizes,
+    wires,
+)
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Loop, Network, Signal
 
@@ -38,7 +49,7 @@ def _connect(draft: Draft) -> None:
     for component in draft.components.values():
         draft.problems.attempt(given_values.take, draft, component)
         draft.problems.attempt(wires.connect, draft, component)
-    wires.agree_on_integers(draft.components)
+    integers.agree(draft.components)
 
 
 def _order(draft: Draft) -> None:
