@@ -60,6 +60,7 @@ from cosim.fmu.fields import (
     LINK_WORDS,
     MODE,
     NO_PROGRESS,
+    NOTHING,
     OK,
     PLAN,
     PLAN_WORDS,
@@ -87,8 +88,9 @@ def adapt(time: float, base: int, frame: int) -> int:
     """The kernel: do what the plan says for every instance, up to the first that fails. Returns the status.
 
     ==============  ====================================================================================
+    NOTHING         nobody looks at what it would get
     INITIAL         in Initialization Mode: set inputs, get outputs
-    BEGIN           leave Initialization Mode; Model Exchange: into Event Mode, the states go to the state vector
+    BEGIN           set inputs, leave Initialization Mode; Model Exchange: the states go to the state vector
     GET             plain Co-Simulation, at a communication point: get outputs
     EXCHANGE        Co-Simulation with event mode, at a communication point: set inputs, get outputs
     ADVANCE         Co-Simulation: set inputs and do a step from `time`
@@ -123,6 +125,8 @@ def adapt(time: float, base: int, frame: int) -> int:
 
 def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
     """Do a task for instance k. Returns whether it failed; the link then says where, as in all below."""
+    if task == NOTHING:
+        return False
     if task == GET:
         return get_outputs(base, link, plan, f, r, k)
     if task == ADVANCE:
@@ -153,7 +157,7 @@ def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r
     """
     numbers = reals_of(info)
     numbers[CLOCK] = numbers[REACHED] = time
-    if bad(link, link[EXIT_INITIALIZATION], (r[HANDLE],)):
+    if set_inputs(base, link, plan, f, r, k) or bad(link, link[EXIT_INITIALIZATION], (r[HANDLE],)):
         return True
     if link[KIND] == CO_SIMULATION:
         return False
@@ -161,9 +165,7 @@ def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r
     r[EVENT_DUE] = 1
     if link[KIND] == EVENT_CO_SIMULATION:
         return False
-    if set_inputs(base, link, plan, f, r, k) or settle(link, r, info):
-        return True
-    return pull_states(base, link, plan, f, r, k)
+    return settle(link, r, info) or pull_states(base, link, plan, f, r, k)
 
 
 # ---- Co-Simulation ----

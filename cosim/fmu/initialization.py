@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
-from cosim.authoring.variables import Parameter
+from cosim.authoring.variables import Input, Parameter
 from cosim.errors import WrongValue
 from cosim.fmu import fields, messages
 from cosim.fmu.fmi import NewInstance
@@ -55,21 +56,26 @@ class Initialization:
 
         Raises: FmuError, FmuFailed, WrongValue.
         """
-        fmu, given = self._fmu, self._component.values
+        fmu = self._fmu
         for call in fmu.version.setup:
             self._handles.call(k, *call)
-        for name, port in fmu.ports.items():
-            if name in given and self._is_given(name, port):
-                self._set(k, name, port, given[name][self._members[k] if len(given[name]) > 1 else 0])
+        inputs = {name for name, port in fmu.ports.items() if port.causality == "input"}
+        self._set_given(k, fmu.ports.keys() - inputs)
         self._handles.call(k, *fmu.version.entry)
+        self._set_given(k, inputs - self._component.wires.keys())  # the loop sets those that are wired
+
+    def _set_given(self, k: int, names: Collection[str]) -> None:
+        """Set those of these variables of instance k that the diagram gives other values than the FMU does."""
+        given = self._component.values
+        for name, port in self._fmu.ports.items():
+            if name in names and name in given and self._is_given(name, port):
+                self._set(k, name, port, given[name][self._members[k] if len(given[name]) > 1 else 0])
 
     def _is_given(self, name: str, port: Port) -> bool:
         """Whether a value has to be set, because it is not the FMU's own. Raises: WrongValue."""
         component = self._component
-        if port.causality == "input":
-            return False  # set with the other inputs
         variable = component.declaration.variables[name]
-        if isinstance(variable, Parameter):
+        if isinstance(variable, (Parameter, Input)):
             own = port.start()
             return name in component.given or own is None or bool(np.any(component.values[name] != np.array(own)))
         if name in component.given and not port.can_start:
@@ -88,7 +94,7 @@ class Initialization:
             address = data.ctypes.data
         counts = self._fmu.version.counts(port.size)
         arguments = (references.ctypes.data, len(references), address, *counts)
-        self._handles.call(k, f"Set{port.accessor}", *arguments, about=name)
+        self._handles.call(k, f"Set{port.accessor}", *arguments, about=f"`{name}`")
 
 
 def _categories(description: Any) -> tuple[bool, list[str]]:

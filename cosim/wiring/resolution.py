@@ -15,6 +15,7 @@ from cosim.wiring import (
     given_values,
     integers,
     matching,
+    merging,
     named_signals,
     order,
     sizes,
@@ -54,6 +55,7 @@ def _connect(draft: Draft) -> None:
 
 def _order(draft: Draft) -> None:
     """What comes before what. Raises: DiagramErrors with every AlgebraicLoop."""
+    merging.merge(draft.network())
     network = order.ordered(draft.network())
     draft.initial, draft.evaluation = network.initial, network.evaluation
     _refuse_guesses(draft)
