@@ -70,6 +70,7 @@ from cosim.fmu.fields import (
     RECORDS,
     ROUNDING,
     SETTLES,
+    START_TIME,
     STATUS,
     TASK,
     TERMINATED,
@@ -87,6 +88,8 @@ from cosim.machine.memory import integers_at, reals_at, words_at
 def adapt(time: float, base: int, frame: int) -> int:
     """The kernel: do what the plan says for every instance, up to the first that fails. Returns the status.
 
+    Below it, all times are the FMU's own: those of the loop and its start time.
+
     ==============  ====================================================================================
     NOTHING         nobody looks at what it would get
     INITIAL         in Initialization Mode: set inputs, get outputs
@@ -103,22 +106,23 @@ def adapt(time: float, base: int, frame: int) -> int:
     link = words_at(words_at(frame, FIRST)[LINK], LINK_WORDS)
     plan = words_at(words_at(frame, FIRST)[PLAN], PLAN_WORDS)
     f = words_at(frame, plan[FRAME_WORDS])
+    numbers = reals_at(f[LINK], LINK_WORDS)
+    clock = time + numbers[START_TIME]
     warnings = link[WARNINGS]
     for k in range(f[COUNT]):
         address = link[RECORDS] + k * RECORD_WORDS * 8
         r = words_at(address, RECORD_WORDS)
-        lost = failed(plan[TASK], time, base, link, plan, f, r, address + INFO * 8, k)
+        lost = failed(plan[TASK], clock, base, link, plan, f, r, address + INFO * 8, k)
         if link[WARNINGS] > warnings and link[WARNED] == 0:
             link[WARNED] = k + 1
-            reals_at(f[LINK], LINK_WORDS)[WARNED_AT] = time
+            numbers[WARNED_AT] = time
         if lost:
             link[INSTANCE] = k
-            reals_at(f[LINK], LINK_WORDS)[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK]
-            status: int = min(max(link[STATUS], DISCARD), FATAL)
-            return status
+            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
+            return int(min(max(link[STATUS], DISCARD), FATAL))
         if r[ENDS] != 0 and link[ENDED] == 0:
             link[ENDED] = k + 1
-            reals_at(f[LINK], LINK_WORDS)[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK]
+            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
             words_at(link[ENDING], 1)[0] = 1
     return WARNING if link[WARNINGS] > warnings else OK
 

@@ -73,6 +73,7 @@ class AdapterTables:
         link[fields.TABLEAU], link[fields.STAGES] = tableau.ctypes.data, loop.stages
         link[fields.STEP], link[fields.INNER_STEPS], link[fields.JOINT] = loop.step, loop.inner_steps, loop.joint
         link[fields.ENDING], link[fields.AGAIN] = loop.ending, loop.again
+        link.view(np.float64)[fields.START_TIME] = fmu.settings.start_time
         self._functions(link)
 
     def _records(self, states: int, signs: int) -> int:

@@ -51,7 +51,7 @@ LINK_WORDS = 48
     SPLITS,  # how many inner steps had time events in them
     ENDING,  # the address of a word that tells the loop to do no step after this communication point
     ENDED,  # the instance that asked for the end of the simulation, from 1; 0: none
-    ENDED_AT,  # when, a float64 (s)
+    ENDED_AT,  # when, by the loop's clock as below, a float64 (s)
     BOOLEAN_STATUS,
     REAL_STATUS,
     WARNED,  # the instance that warned first, from 1
@@ -59,7 +59,8 @@ LINK_WORDS = 48
     ALONE,  # the address of a word that is 0 in a process that the FMU has forked
     LEAVE,  # the address of _exit()
     AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
-) = range(42)
+    START_TIME,  # what the FMU's clock shows at the loop's time 0, a float64 (s)
+) = range(43)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 

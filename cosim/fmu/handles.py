@@ -35,7 +35,11 @@ class Handles:
         with self._trace.calling(k, address):
             handle = function(*arguments)
         if not handle:
-            raise self._trace.failure(f"{self._binary.version.prefix}Instantiate() gave no instance", k, 0.0)
+            text = f"{self._binary.version.prefix}Instantiate() gave no instance"
+            fix = (
+                "where it cannot do event mode, write event_mode: off" if new.kind == fields.EVENT_CO_SIMULATION else ""
+            )
+            raise self._trace.failure(text, k, 0.0, fix=fix)
         self.made.append(handle)
 
     def call(self, k: int, name: str, *arguments: float, about: str = "") -> None:

@@ -32,17 +32,17 @@ class Initialization:
 
     def instantiate(self, k: int) -> None:
         """Make instance k. Raises: FmuError, FmuFailed."""
-        fmu, component = self._fmu, self._component
+        fmu = self._fmu
         resources = fmu.folder / "resources"
         resources.mkdir(exist_ok=True)
-        logging, categories = _categories(fmu.description)
+        categories = fmu.settings.categories
         new = NewInstance(
-            name=f"{component.name}_{self._members[k] + 1}" if component.fleet else component.name,
+            name=self._trace.instance_name(k),
             token=fmu.description.guid or "",
             resources=resources,
             kind=fmu.kind,
             early=fmu.kind == fields.EVENT_CO_SIMULATION and bool(fmu.interface.mightReturnEarlyFromDoStep),
-            logging=logging,
+            logging=fmu.settings.logging,
             logger=messages.logger(fmu.version.number),
             environment=self._trace.messages[k].environment,
         )
@@ -57,11 +57,11 @@ class Initialization:
         Raises: FmuError, FmuFailed, WrongValue.
         """
         fmu = self._fmu
-        for call in fmu.version.setup:
+        for call in fmu.version.setup(fmu.settings.experiment):
             self._handles.call(k, *call)
         inputs = {name for name, port in fmu.ports.items() if port.causality == "input"}
         self._set_given(k, fmu.ports.keys() - inputs)
-        self._handles.call(k, *fmu.version.entry)
+        self._handles.call(k, *fmu.version.entry(fmu.settings.experiment))
         self._set_given(k, inputs - self._component.wires.keys())  # the loop sets those that are wired
 
     def _set_given(self, k: int, names: Collection[str]) -> None:
@@ -95,11 +95,3 @@ class Initialization:
         counts = self._fmu.version.counts(port.size)
         arguments = (references.ctypes.data, len(references), address, *counts)
         self._handles.call(k, f"Set{port.accessor}", *arguments, about=f"`{name}`")
-
-
-def _categories(description: Any) -> tuple[bool, list[str]]:
-    """Whether to switch logging on, and for which categories: those of what goes wrong, where others would be noise."""
-    names = [c.name for c in description.logCategories if c.name]
-    telling = [n for n in names if any(w in n.lower() for w in ("error", "fatal", "warning", "discard"))]
-    noisy = set(names) - set(telling) - {"logAll"}
-    return bool(telling) or not names, telling if noisy else []

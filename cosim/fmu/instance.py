@@ -126,7 +126,7 @@ class Instances:
         function = self.fmu.version.optional[self.fmu.kind][fields.REAL_STATUS]
         last = ctypes.c_double()
         status = self._handles.ask(k, function, fields.LAST_TIME_STATUS, ctypes.addressof(last))
-        return f", it got as far as t = {last.value:g} s" if status == fields.OK else ""
+        return f", it got as far as t = {last.value - self.fmu.settings.start_time:g} s" if status == fields.OK else ""
 
     def close(self, terminate: bool) -> None:
         """Terminate (if they were initialized) and free all instances, as far as their state allows."""
@@ -134,3 +134,8 @@ class Instances:
             self._is_open = False
             claims.give_back(self._binary.path, len(self.members))
             self._handles.free(terminate)
+
+
+def parts(fmu: Any, *arguments: Any) -> list[Instances]:
+    """All instances of a block, in the engine's process."""
+    return [Instances(fmu, *arguments)]
