@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from cosim.engine.probes import Samples
 from cosim.engine.reductions import Reductions
-from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError
 from cosim.results.metrics import Array, Maximum, Minimum, Reduction
 from cosim.wiring.network import Network, Signal
@@ -111,9 +111,9 @@ class Observed(Reductions):
                 with np.errstate(invalid="ignore", over="ignore"):
                     reduction.update(samples.times, samples.values[signal])
 
-    def values(self, simulation: Simulation) -> tuple[dict[str, Any], CosimError | None]:
+    def values(self, time: float, value: Callable[[Signal], np.ndarray]) -> tuple[dict[str, Any], CosimError | None]:
         """As of `Reductions`."""
-        self.figures, wrong = super().values(simulation)
+        self.figures, wrong = super().values(time, value)
         return self.figures, wrong
 
     def course(self, name: str) -> Array:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _LIBC = (
     "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10 log1p pow sqrt "
     "cbrt hypot floor ceil trunc rint round fabs fmod erf erfc tgamma lgamma ldexp frexp fma fmin fmax sincos memset "
-    "memcpy memmove nearbyint copysign modf vsnprintf strncpy"
+    "memcpy memmove nearbyint copysign modf snprintf vsnprintf strncpy write"
 )
 LIBC = frozenset(_LIBC.split())
 

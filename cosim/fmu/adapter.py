@@ -60,6 +60,7 @@ from cosim.fmu.fields import (
     LINK_WORDS,
     MODE,
     NO_PROGRESS,
+    NOTHING,
     OK,
     PLAN,
     PLAN_WORDS,
@@ -69,6 +70,7 @@ from cosim.fmu.fields import (
     RECORDS,
     ROUNDING,
     SETTLES,
+    START_TIME,
     STATUS,
     TASK,
     TERMINATED,
@@ -86,9 +88,12 @@ from cosim.machine.memory import integers_at, reals_at, words_at
 def adapt(time: float, base: int, frame: int) -> int:
     """The kernel: do what the plan says for every instance, up to the first that fails. Returns the status.
 
+    Below it, all times are the FMU's own: those of the loop and its start time.
+
     ==============  ====================================================================================
+    NOTHING         nobody looks at what it would get
     INITIAL         in Initialization Mode: set inputs, get outputs
-    BEGIN           leave Initialization Mode; Model Exchange: into Event Mode, the states go to the state vector
+    BEGIN           set inputs, leave Initialization Mode; Model Exchange: the states go to the state vector
     GET             plain Co-Simulation, at a communication point: get outputs
     EXCHANGE        Co-Simulation with event mode, at a communication point: set inputs, get outputs
     ADVANCE         Co-Simulation: set inputs and do a step from `time`
@@ -101,28 +106,31 @@ def adapt(time: float, base: int, frame: int) -> int:
     link = words_at(words_at(frame, FIRST)[LINK], LINK_WORDS)
     plan = words_at(words_at(frame, FIRST)[PLAN], PLAN_WORDS)
     f = words_at(frame, plan[FRAME_WORDS])
+    numbers = reals_at(f[LINK], LINK_WORDS)
+    clock = time + numbers[START_TIME]
     warnings = link[WARNINGS]
     for k in range(f[COUNT]):
         address = link[RECORDS] + k * RECORD_WORDS * 8
         r = words_at(address, RECORD_WORDS)
-        lost = failed(plan[TASK], time, base, link, plan, f, r, address + INFO * 8, k)
+        lost = failed(plan[TASK], clock, base, link, plan, f, r, address + INFO * 8, k)
         if link[WARNINGS] > warnings and link[WARNED] == 0:
             link[WARNED] = k + 1
-            reals_at(f[LINK], LINK_WORDS)[WARNED_AT] = time
+            numbers[WARNED_AT] = time
         if lost:
             link[INSTANCE] = k
-            reals_at(f[LINK], LINK_WORDS)[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK]
-            status: int = min(max(link[STATUS], DISCARD), FATAL)
-            return status
+            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
+            return int(min(max(link[STATUS], DISCARD), FATAL))
         if r[ENDS] != 0 and link[ENDED] == 0:
             link[ENDED] = k + 1
-            reals_at(f[LINK], LINK_WORDS)[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK]
+            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
             words_at(link[ENDING], 1)[0] = 1
     return WARNING if link[WARNINGS] > warnings else OK
 
 
 def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
     """Do a task for instance k. Returns whether it failed; the link then says where, as in all below."""
+    if task == NOTHING:
+        return False
     if task == GET:
         return get_outputs(base, link, plan, f, r, k)
     if task == ADVANCE:
@@ -153,7 +161,7 @@ def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r
     """
     numbers = reals_of(info)
     numbers[CLOCK] = numbers[REACHED] = time
-    if bad(link, link[EXIT_INITIALIZATION], (r[HANDLE],)):
+    if set_inputs(base, link, plan, f, r, k) or bad(link, link[EXIT_INITIALIZATION], (r[HANDLE],)):
         return True
     if link[KIND] == CO_SIMULATION:
         return False
@@ -161,9 +169,7 @@ def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r
     r[EVENT_DUE] = 1
     if link[KIND] == EVENT_CO_SIMULATION:
         return False
-    if set_inputs(base, link, plan, f, r, k) or settle(link, r, info):
-        return True
-    return pull_states(base, link, plan, f, r, k)
+    return settle(link, r, info) or pull_states(base, link, plan, f, r, k)
 
 
 # ---- Co-Simulation ----

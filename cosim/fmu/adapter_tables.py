@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,8 +32,8 @@ _OUTPUT_TASKS = {
 class AdapterTables:
     """Tables that live as long as this.
 
-    fmu: a `cosim.fmu.importer.Fmu`. component: its block in the network. handles: its instances' addresses. wanted: the
-    locals that somebody looks at.
+    fmu: a `cosim.fmu.importer.Fmu`. component: its block in the network. handles: its instances' addresses. wanted:
+    what somebody looks at.
     """
 
     def __init__(self, fmu: Any, component: Any, handles: list[int], wanted: set[str], binary: Binary) -> None:
@@ -43,7 +43,7 @@ class AdapterTables:
         self._wanted = wanted
         self._binary = binary
         self._keep: list[Any] = []
-        self._rows: dict[int, str] = {}
+        self._rows: dict[int, list[str]] = {}
         self._shadows: dict[str, np.ndarray] = {}
 
     def _array(self, *shape: int) -> np.ndarray:
@@ -73,6 +73,7 @@ class AdapterTables:
         link[fields.TABLEAU], link[fields.STAGES] = tableau.ctypes.data, loop.stages
         link[fields.STEP], link[fields.INNER_STEPS], link[fields.JOINT] = loop.step, loop.inner_steps, loop.joint
         link[fields.ENDING], link[fields.AGAIN] = loop.ending, loop.again
+        link.view(np.float64)[fields.START_TIME] = fmu.settings.start_time
         self._functions(link)
 
     def _records(self, states: int, signs: int) -> int:
@@ -99,53 +100,80 @@ class AdapterTables:
         function = call.function
         frame = frame_of(self._component.declaration, function, self._component.constants())
         slots = frame.slots
-        inputs = [n for n in function.reads if n in self._fmu.ports and self._fmu.ports[n].causality == "input"]
+        inputs, outputs = self._wired(function), self._outputs(function)
         states = {name for name, _ in self._fmu.states}
-        outputs = self._outputs(function)
         plan = self._array(fields.PLAN_WORDS)
         plan[fields.FRAME_WORDS] = frame.size
-        plan[fields.TASK] = _OUTPUT_TASKS[self._fmu.kind] if function.kind == "outputs" else _TASKS[function.kind]
-        plan[fields.N_INPUTS], plan[fields.N_OUTPUTS] = len(inputs), len(outputs)
-        plan[fields.INPUTS] = self._row_table(inputs, slots, "Set")
-        plan[fields.OUTPUTS] = self._row_table(outputs, slots, "Get")
+        plan[fields.TASK] = self._task(function, outputs)
+        plan[fields.INPUTS], plan[fields.N_INPUTS] = self._row_table(inputs, slots, "Set")
+        plan[fields.OUTPUTS], plan[fields.N_OUTPUTS] = self._row_table(outputs, slots, "Get")
         if states and states <= slots.keys():
             plan[fields.STATE_MAP] = self._map(slots, "")
         if function.kind == "derivatives":
             plan[fields.DERIVATIVE_MAP] = self._map(slots, "d_")
-        every = {n for f in self._component.declaration.kind("outputs") for n in f.reads if n in self._fmu.ports}
-        plan[fields.SETTLES] = function.kind == "outputs" and every <= {*inputs, *states}
+        every = {n for f in self._component.declaration.kind("outputs") for n in self._wired(f)}
+        plan[fields.SETTLES] = function.kind == "outputs" and every <= {*inputs}
         return plan.ctypes.data
 
+    def _wired(self, function: Any) -> list[str]:
+        """The inputs that a call reads and a wire brings; the others have been set once."""
+        return [n for n in function.reads if n in self._component.wires]
+
     def _outputs(self, function: Any) -> list[str]:
-        """What a call gets from the FMU."""
+        """What a call gets from the FMU: states, and what somebody looks at."""
         if function.kind in ("begin", "events", "settle"):
             return []
-        outputs = [n for n in function.arguments if n in function.writes and n in self._fmu.ports]
-        return [n for n in outputs if n in self._wanted] if function.name == "outputs_locals" else outputs
+        states = {name for name, _ in self._fmu.states}
+        return [
+            n for n in function.arguments if n in function.writes and n in self._wanted | states & {*self._fmu.ports}
+        ]
+
+    def _task(self, function: Any, outputs: Sequence[str]) -> int:
+        """What a call does: nothing where nobody looks at its outputs, and another one sets its inputs."""
+        if function.kind != "outputs":
+            return _TASKS[function.kind]
+        kind = self._fmu.kind
+        steps = kind != fields.MODEL_EXCHANGE or self._fmu.states
+        return _OUTPUT_TASKS[kind] if outputs or not steps else fields.NOTHING
 
     def _map(self, slots: Mapping[str, int], prefix: str) -> int:
         places = self._array(len(self._fmu.states), 2)
         places[:] = [(slots[prefix + name], element) for name, element in self._fmu.states]
         return places.ctypes.data
 
-    def _row_table(self, names: list[str], slots: Mapping[str, int], access: str) -> int:
-        rows = self._array(max(1, len(names)), fields.ROW_WORDS)
-        for name, row in zip(names, rows, strict=False):
+    def _row_table(self, names: Sequence[str], slots: Mapping[str, int], access: str) -> tuple[int, int]:
+        """The rows for variables, one for all of a type: their address, and how many they are."""
+        groups: dict[tuple[str, bool], list[str]] = {}
+        for name in names:
             port = self._fmu.ports[name]
-            references = np.array(port.references, np.uint32)
-            self._keep.append(references)
-            row[fields.FUNCTION] = self._binary.address(access + port.accessor)
-            row[fields.REFERENCES], row[fields.N_REFERENCES] = references.ctypes.data, len(references)
-            dtype = self._component.declaration.variables[name].dtype
-            row[fields.N_VALUES], row[fields.SLOT], row[fields.CODE] = port.size, slots[name], port.code
-            if port.code == fields.INTEGER32 and dtype.itemsize == 4:
-                row[fields.CODE] = fields.PLAIN
-            row[fields.BYTES] = port.size * dtype.itemsize
-            row[fields.STAGING] = self._array(port.size).ctypes.data
-            if access == "Set" and port.is_discrete and self._fmu.kind == fields.MODEL_EXCHANGE:
-                row[fields.SHADOW] = self._shadow(name, int(row[fields.BYTES]))
-            self._rows[row.ctypes.data] = name
-        return rows.ctypes.data
+            shadowed = access == "Set" and port.is_discrete and self._fmu.kind == fields.MODEL_EXCHANGE
+            groups.setdefault((access + port.accessor, shadowed), []).append(name)
+        rows = self._array(max(1, len(groups)), fields.ROW_WORDS)
+        for row, ((function, shadowed), group) in zip(rows, groups.items(), strict=False):
+            self._fill(row, group, slots, shadowed)
+            row[fields.FUNCTION] = self._binary.address(function)
+            self._rows[row.ctypes.data] = group
+        return rows.ctypes.data, len(groups)
+
+    def _fill(self, row: np.ndarray, names: Sequence[str], slots: Mapping[str, int], shadowed: bool) -> None:
+        """A row for variables of one type."""
+        parts = self._array(len(names), fields.PART_WORDS)
+        for part, name in zip(parts, names, strict=True):
+            port, dtype = self._fmu.ports[name], self._component.declaration.variables[name].dtype
+            plain = port.code == fields.INTEGER32 and dtype.itemsize == 4
+            travels = 4 if port.code in (fields.INTEGER32, fields.BOOLEAN32) else dtype.itemsize
+            part[fields.SLOT], part[fields.CODE] = slots[name], fields.PLAIN if plain else port.code
+            part[fields.COUNT_OF], part[fields.BYTES] = port.size, port.size * dtype.itemsize
+            part[fields.TRAVELLING] = port.size * travels
+            part[fields.SHADOW] = self._shadow(name, int(part[fields.BYTES])) if shadowed else 0
+            self._rows[part.ctypes.data] = [name]
+        references = np.array([r for name in names for r in self._fmu.ports[name].references], np.uint32)
+        self._keep.append(references)
+        row[fields.REFERENCES], row[fields.N_REFERENCES] = references.ctypes.data, len(references)
+        row[fields.N_VALUES], row[fields.DISCRETE] = parts[:, fields.COUNT_OF].sum(), shadowed
+        row[fields.PARTS], row[fields.N_PARTS] = parts.ctypes.data, len(parts)
+        if len(parts) > 1 or parts[0, fields.CODE] in (fields.INTEGER32, fields.BOOLEAN32):
+            row[fields.BUFFERED] = self._array(-(-int(parts[:, fields.TRAVELLING].sum()) // 8)).ctypes.data
 
     def _shadow(self, name: str, size: int) -> int:
         """Where the value of a discrete input is kept that the FMU has now; one for all calls."""
@@ -153,6 +181,6 @@ class AdapterTables:
             self._shadows[name] = self._array(-(-len(self._handles) * size // 8))
         return self._shadows[name].ctypes.data
 
-    def variable(self, row: int) -> str:
-        """The variable that the row at an address is for, "" for none."""
-        return self._rows.get(row, "")
+    def variables(self, row: int) -> list[str]:
+        """The variables that the row or part at an address is for."""
+        return self._rows.get(row, [])

@@ -26,12 +26,12 @@ from cosim.fmu.event_mode import (
 from cosim.fmu.fields import (
     AGAIN,
     BUFFER,
-    BYTES,
     CHANGED,
     CLOCK,
     COMPLETED_STEP,
     CROWDED,
     DERIVATIVE_MAP,
+    DISCRETE,
     END_STATES,
     ENDS,
     EVENT,
@@ -57,10 +57,8 @@ from cosim.fmu.fields import (
     ROW_WORDS,
     SET_STATES,
     SET_TIME,
-    SHADOW,
     SIGNS,
     SLOPES,
-    SLOT,
     SPLIT,
     SPLITS,
     STAGE,
@@ -71,7 +69,7 @@ from cosim.fmu.fields import (
     TERMINATED,
     WORK,
 )
-from cosim.fmu.transfer import bad, differs, give_up, set_inputs, set_value
+from cosim.fmu.transfer import bad, give_up, has_changed, set_inputs, set_row
 from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import integers_at, reals_at, words_at
 from cosim.machine.stages import move
@@ -95,10 +93,9 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
     for i in range(plan[N_INPUTS]):
         address = plan[INPUTS] + i * ROW_WORDS * 8
         row = words_at(address, ROW_WORDS)
-        at = base + f[row[SLOT]] + k * f[row[SLOT] + 1]
-        if row[SHADOW] != 0:
-            changed |= differs(at, row[SHADOW] + k * row[BYTES], row[BYTES])
-        elif set_value(link, row, address, r[HANDLE], at, k):
+        if row[DISCRETE] != 0:
+            changed |= has_changed(base, row, f, k)
+        elif set_row(base, link, address, f, r, k):
             return True
     if done or not changed or has_event_before(r, info, time + ROUNDING * communication_step(f)):
         return False

@@ -38,7 +38,7 @@ LINK_WORDS = 48
     DO_STEP,
     STATUS,  # of the call that failed
     FAILED,  # its address, or one of the reasons below
-    ROW,  # the address of the row that it was for, or 0
+    ROW,  # the address of the row or the part that it was for, or 0
     INSTANCE,  # of which instance, from 0
     WARNINGS,
     CALLING,  # the address of the function that is being called, or was last
@@ -51,7 +51,7 @@ LINK_WORDS = 48
     SPLITS,  # how many inner steps had time events in them
     ENDING,  # the address of a word that tells the loop to do no step after this communication point
     ENDED,  # the instance that asked for the end of the simulation, from 1; 0: none
-    ENDED_AT,  # when, a float64 (s)
+    ENDED_AT,  # when, by the loop's clock as below, a float64 (s)
     BOOLEAN_STATUS,
     REAL_STATUS,
     WARNED,  # the instance that warned first, from 1
@@ -59,7 +59,8 @@ LINK_WORDS = 48
     ALONE,  # the address of a word that is 0 in a process that the FMU has forked
     LEAVE,  # the address of _exit()
     AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
-) = range(42)
+    START_TIME,  # what the FMU's clock shows at the loop's time 0, a float64 (s)
+) = range(43)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 
@@ -90,14 +91,20 @@ INFO_REAL = 24  # bytes from INFO to the number in it
 PLAN_WORDS = 9
 FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK = range(9)
 
-# One variable: the getter or setter, its value references, how many values, and where they are.
-ROW_WORDS = 10
-FUNCTION, REFERENCES, N_REFERENCES, N_VALUES, SLOT, CODE, STAGING, SHADOW, BYTES = range(9)
-PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed in STAGING
+# One call of a getter or a setter: its value references, how many values, and the variables whose values they are, one
+# after the other in a buffer (0: those of one variable, as they lie in the arena). DISCRETE: all with shadows.
+ROW_WORDS = 8
+FUNCTION, REFERENCES, N_REFERENCES, N_VALUES, BUFFERED, PARTS, N_PARTS, DISCRETE = range(8)
+
+# One variable: where it is, how its values travel, how many they are, how many bytes they take in the arena and in the
+# buffer, and where the value is kept that the FMU has now, 0 for nowhere.
+PART_WORDS = 6
+SLOT, CODE, COUNT_OF, BYTES, TRAVELLING, SHADOW = range(6)
+PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed on the way
 
 MOST_ITERATIONS = 1000
 MOST_EVENTS = 1_000_000  # time events in one step
 ROUNDING = 1e-9  # of a communication step: what rounding may do to a time
 
 # What a call does for each instance.
-INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, BEGIN_EVENTS, END_EVENTS = range(9)
+NOTHING, INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, BEGIN_EVENTS, END_EVENTS = range(10)

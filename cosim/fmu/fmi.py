@@ -15,8 +15,8 @@ Group = tuple[tuple[Any, ...], tuple[int, ...]]
 #: A function without FMI's prefix, and what it is called with after the instance.
 Call = tuple[str, *tuple[int | float, ...]]
 
-#: No tolerance; from 0 s, to no end.
-EXPERIMENT = (0, 0.0, 0.0, 0, 0.0)
+#: Whether there is a tolerance, it, the start time (s), whether there is a stop time, it (s).
+Experiment = tuple[int, float, float, int, float]
 STEPPING = {fields.EXIT_INITIALIZATION: "ExitInitializationMode", fields.DO_STEP: "DoStep"}
 INTEGRATING = {
     fields.EXIT_INITIALIZATION: "ExitInitializationMode",
@@ -63,7 +63,7 @@ class Version(ABC):
     number: of the tables, the headers and the C functions. name: as a person writes it. delay: where it says that a
     step comes between an input and what follows from it. types: by their names in a model description.
     functions, optional: what the adapter calls of each kind of FMU, and what it does where there is such a function, by
-    the word of the link. setup, entry: the calls before values are set, and the one into Initialization Mode.
+    the word of the link.
     """
 
     number: ClassVar[int]
@@ -72,8 +72,6 @@ class Version(ABC):
     types: ClassVar[dict[str, ValueType]]
     functions: ClassVar[dict[int, dict[int, str]]]
     optional: ClassVar[dict[int, dict[int, str]]]
-    setup: ClassVar[tuple[Call, ...]]
-    entry: ClassVar[Call]
 
     @property
     def prefix(self) -> str:
@@ -95,6 +93,14 @@ class Version(ABC):
     @abstractmethod
     def groups(self, variables: Sequence[Any]) -> dict[str, Group]:
         """The variables of a model description as scalars and arrays, by name."""
+
+    @abstractmethod
+    def setup(self, experiment: Experiment) -> tuple[Call, ...]:
+        """The calls before values are set."""
+
+    @abstractmethod
+    def entry(self, experiment: Experiment) -> Call:
+        """The call into Initialization Mode."""
 
     @abstractmethod
     def counts(self, values: int) -> tuple[int, ...]:

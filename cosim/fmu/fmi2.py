@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cosim.fmu import c_library, elements, fields, fmi, folders
-from cosim.fmu.fmi import Group, NewInstance, ValueType
+from cosim.fmu.fmi import Call, Experiment, Group, NewInstance, ValueType
 
 
 class _Callbacks(ctypes.Structure):
@@ -44,8 +44,6 @@ class Fmi2(fmi.Version):
         fields.CO_SIMULATION: {fields.BOOLEAN_STATUS: "GetBooleanStatus", fields.REAL_STATUS: "GetRealStatus"},
         fields.MODEL_EXCHANGE: {},
     }
-    setup = (("SetupExperiment", *fmi.EXPERIMENT),)
-    entry = ("EnterInitializationMode",)
 
     def reads(self, version: str) -> bool:
         """As of `Version`."""
@@ -62,6 +60,14 @@ class Fmi2(fmi.Version):
     def groups(self, variables: Sequence[Any]) -> dict[str, Group]:
         """As of `Version`."""
         return elements.gathered(variables)
+
+    def setup(self, experiment: Experiment) -> tuple[Call, ...]:
+        """As of `Version`."""
+        return (("SetupExperiment", *experiment),)
+
+    def entry(self, experiment: Experiment) -> Call:
+        """As of `Version`."""
+        return ("EnterInitializationMode",)
 
     def counts(self, values: int) -> tuple[int, ...]:
         """As of `Version`."""

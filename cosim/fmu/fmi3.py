@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cosim.fmu import fields, fmi, folders
-from cosim.fmu.fmi import Group, NewInstance, ValueType
+from cosim.fmu.fmi import Call, Experiment, Group, NewInstance, ValueType
 
 _INTEGERS = [f"{kind}{bits}" for kind in ("Int", "UInt") for bits in (8, 16, 32, 64)]
 
@@ -41,8 +41,6 @@ class Fmi3(fmi.Version):
         fields.MODEL_EXCHANGE: fmi.INTEGRATING,
     }
     optional: ClassVar = {kind: {} for kind in functions}
-    setup = ()
-    entry = ("EnterInitializationMode", *fmi.EXPERIMENT)
 
     def reads(self, version: str) -> bool:
         """As of `Version`."""
@@ -59,6 +57,14 @@ class Fmi3(fmi.Version):
     def groups(self, variables: Sequence[Any]) -> dict[str, Group]:
         """As of `Version`."""
         return {v.name: ((v,), tuple(v.shape or ())) for v in variables}
+
+    def setup(self, experiment: Experiment) -> tuple[Call, ...]:
+        """As of `Version`."""
+        return ()
+
+    def entry(self, experiment: Experiment) -> Call:
+        """As of `Version`."""
+        return ("EnterInitializationMode", *experiment)
 
     def counts(self, values: int) -> tuple[int, ...]:
         """As of `Version`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from typing import Any
 
 from cosim.fmu import fields, messages
@@ -10,6 +11,8 @@ from cosim.fmu.binary import Binary
 from cosim.fmu.fmi import NewInstance
 from cosim.fmu.trace import FmuTrace
 from cosim.machine.memory import invoke
+
+_SHOWN = 5
 
 
 class Handles:
@@ -32,11 +35,15 @@ class Handles:
         with self._trace.calling(k, address):
             handle = function(*arguments)
         if not handle:
-            raise self._trace.failure(f"{self._binary.version.prefix}Instantiate() gave no instance", k, 0.0)
+            text = f"{self._binary.version.prefix}Instantiate() gave no instance"
+            fix = (
+                "where it cannot do event mode, write event_mode: off" if new.kind == fields.EVENT_CO_SIMULATION else ""
+            )
+            raise self._trace.failure(text, k, 0.0, fix=fix)
         self.made.append(handle)
 
     def call(self, k: int, name: str, *arguments: float, about: str = "") -> None:
-        """Call a function of instance k; about: the variable that it is for. Raises: FmuError, FmuFailed."""
+        """Call a function of instance k; about: the variables that it is for. Raises: FmuError, FmuFailed."""
         status = self.ask(k, name, *arguments)
         link = self._trace.link
         if status == fields.WARNING:
@@ -66,8 +73,14 @@ class Handles:
 
 
 def returned(function: str, about: str, status: int) -> str:
-    """What to say of a function that failed; about: the variable that it was for, if any."""
+    """What to say of a function that failed; about: the variables that it was for, if any."""
     names = messages.STATUS
     status_name = f"`{names[status]}`" if 0 <= status < len(names) else f"the unknown status {status}"
-    on = f" for `{about}`" if about else ""
+    on = f" for {about}" if about else ""
     return f"{function}(){on} returned {status_name}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Some of the names of variables."""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(f"`{name}`" for name in names[:_SHOWN]) + more

@@ -25,15 +25,14 @@ from cosim.authoring.block import Block
 from cosim.authoring.declaration import Declaration, Function
 from cosim.authoring.rules import condition
 from cosim.authoring.variables import Input, Local, Output, Parameter, State, Variable
-from cosim.errors import FmuError, Position, UnknownPort, WrongValue, nearest
-from cosim.fmu import adapter, archive, fields, versions
+from cosim.errors import FmuError, UnknownPort, WrongValue, nearest
+from cosim.fmu import adapter, archive, fields, log_file, settings, versions
+from cosim.fmu.description import read_description
 from cosim.fmu.fmi import Version
 from cosim.fmu.ports import Port
 from cosim.fmu.ports import ports as read_ports
+from cosim.fmu.settings import FmuSettings
 from cosim.language.entry import BlockEntry
-from cosim.machine import supervision
-
-MODES = ("co-simulation", "model-exchange")
 
 
 @dataclass
@@ -43,9 +42,8 @@ class Fmu:
     path: Path
     folder: Path
     description: Any
-    mode: str
+    settings: FmuSettings
     ports: dict[str, Port]
-    isolated: bool = False
     states: list[tuple[str, int]] = field(default_factory=list)
     inputs_of: dict[str, frozenset[str] | None] = field(default_factory=dict)  # None: not stated
     initial_inputs_of: dict[str, frozenset[str] | None] = field(default_factory=dict)
@@ -63,14 +61,15 @@ class Fmu:
     @property
     def interface(self) -> Any:
         """What the description says of the kind that is used."""
-        return self.description.coSimulation if self.mode == MODES[0] else self.description.modelExchange
+        mode, description = self.settings.mode, self.description
+        return description.coSimulation if mode == settings.CO_SIMULATION else description.modelExchange
 
     @property
     def kind(self) -> int:
         """The adapter's name for the kind."""
-        if self.mode == MODES[1]:
+        if self.settings.mode == settings.MODEL_EXCHANGE:
             return fields.MODEL_EXCHANGE
-        return fields.EVENT_CO_SIMULATION if self.interface.hasEventMode else fields.CO_SIMULATION
+        return fields.EVENT_CO_SIMULATION if self.settings.event_mode else fields.CO_SIMULATION
 
     frame_words = fields.FIRST - fields.LINK
 
@@ -79,39 +78,17 @@ class Fmu:
         """What does the FMU's functions in the loop."""
         from cosim.fmu import mailbox
 
-        return mailbox.remote if self.isolated else adapter.adapt
+        return mailbox.remote if self.settings.isolated else adapter.adapt
 
-    def parts(self, *arguments: Any) -> Any:
+    def parts(self, component: Any, *arguments: Any) -> Any:
         """The instances of one run, by process; see `cosim.fmu.instance` and `cosim.fmu.isolation`."""
         from cosim.fmu import instance, isolation
 
-        return isolation.parts(self, *arguments) if self.isolated else [instance.Instances(self, *arguments)]
-
-
-def read_description(path: Path, position: Position | None = None) -> tuple[Path, Any]:
-    """Unpack an FMU and read its description. Raises: MissingFile, ArchiveError, FmuError."""
-    from lxml import etree
-
-    folder = archive.unpack(path, position)
-    version = etree.parse(str(folder / archive.DESCRIPTION)).getroot().get("fmiVersion", "none")
-    try:
-        versions.find(version)
-    except LookupError:
-        message = f"`{path.name}` is of FMI version {version}; FMI 2.0 and 3.0 can be run"
-        raise FmuError(message, position, "export the FMU for FMI 2.0 or 3.0") from None
-    from fmpy.model_description import ValidationError, read_model_description
-
-    try:
-        description = read_model_description(str(folder), validate=False)
-    except ValidationError as error:
-        raise FmuError(f"`{path.name}`: {'; '.join(error.problems)}", position, "export the FMU again") from None
-    except Exception as error:  # noqa: BLE001  # fmpy raises all sorts
-        message = f"`{path.name}`: its model description cannot be read: {type(error).__name__}: {error}"
-        raise FmuError(message, position, "export the FMU again") from None
-    for kind in (description.coSimulation, description.modelExchange, description.scheduledExecution):
-        if kind is not None:
-            archive.check_identifier(kind.modelIdentifier, path.name, position)
-    return folder, description
+        isolated = self.settings.isolated
+        made: Any = (isolation.parts if isolated else instance.parts)(self, component, *arguments)
+        if node := self.settings.log_file:
+            log_file.attach(component, node, [part.trace for part in made])
+        return made
 
 
 def block(entry: BlockEntry) -> type[Block]:
@@ -120,13 +97,8 @@ def block(entry: BlockEntry) -> type[Block]:
     Raises: MissingFile, ArchiveError, FmuError, UnknownPort.
     """
     folder, description = read_description(entry.path, entry.type.position)
-    mode = _mode(entry, description)
-    isolate = entry.settings.get("isolate")
-    fmu = Fmu(entry.path, folder, description, mode, {}, bool(isolate and isolate.value))
+    fmu = Fmu(entry.path, folder, description, settings.read(entry, description), {})
     archive.binary(folder, fmu.interface.modelIdentifier, fmu.version, fmu.name, entry.type.position)
-    if isolate and fmu.isolated and not supervision.AVAILABLE:
-        message = f"block {entry.name}: a process of its own needs fork, which this operating system lacks"
-        raise FmuError(message, isolate.position, "remove `isolate`")
     try:
         fmu.ports = _renamed(read_ports(description), entry)
         _read_structure(fmu)
@@ -136,20 +108,6 @@ def block(entry: BlockEntry) -> type[Block]:
     made: type[Block] = type(description.modelName, (Block,), {"__doc__": description.description})
     made.declaration = declaration
     return made
-
-
-def _mode(entry: BlockEntry, description: Any) -> str:
-    """The entry's own choice, else Co-Simulation where there is one. Raises: FmuError."""
-    kinds = dict(zip(MODES, (description.coSimulation, description.modelExchange), strict=True))
-    offered = [mode for mode, kind in kinds.items() if kind is not None]
-    if not offered:
-        message = f"`{entry.path.name}` is made for scheduled execution only, which cannot be run here"
-        raise FmuError(message, entry.type.position, "export it for co-simulation or model exchange")
-    chosen = entry.settings.get("mode")
-    if chosen and chosen.value not in offered:
-        message = f"`{entry.path.name}` is not made for {chosen.value}"
-        raise FmuError(message, chosen.position, f"write mode: {offered[0]}")
-    return chosen.value if chosen else offered[0]
 
 
 def _renamed(ports: dict[str, Port], entry: BlockEntry) -> dict[str, Port]:
@@ -260,7 +218,7 @@ def _samples(fmu: Fmu) -> bool:
 
 
 def _most_instances(fmu: Fmu) -> int | None:
-    return 1 if fmu.interface.canBeInstantiatedOnlyOncePerProcess and not fmu.isolated else None
+    return 1 if fmu.interface.canBeInstantiatedOnlyOncePerProcess and not fmu.settings.isolated else None
 
 
 def _variable(name: str, port: Port, is_state: bool) -> Variable:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
-from cosim.authoring.variables import Parameter
+from cosim.authoring.variables import Input, Parameter
 from cosim.errors import WrongValue
 from cosim.fmu import fields, messages
 from cosim.fmu.fmi import NewInstance
@@ -31,17 +32,17 @@ class Initialization:
 
     def instantiate(self, k: int) -> None:
         """Make instance k. Raises: FmuError, FmuFailed."""
-        fmu, component = self._fmu, self._component
+        fmu = self._fmu
         resources = fmu.folder / "resources"
         resources.mkdir(exist_ok=True)
-        logging, categories = _categories(fmu.description)
+        categories = fmu.settings.categories
         new = NewInstance(
-            name=f"{component.name}_{self._members[k] + 1}" if component.fleet else component.name,
+            name=self._trace.instance_name(k),
             token=fmu.description.guid or "",
             resources=resources,
             kind=fmu.kind,
             early=fmu.kind == fields.EVENT_CO_SIMULATION and bool(fmu.interface.mightReturnEarlyFromDoStep),
-            logging=logging,
+            logging=fmu.settings.logging,
             logger=messages.logger(fmu.version.number),
             environment=self._trace.messages[k].environment,
         )
@@ -55,21 +56,26 @@ class Initialization:
 
         Raises: FmuError, FmuFailed, WrongValue.
         """
-        fmu, given = self._fmu, self._component.values
-        for call in fmu.version.setup:
+        fmu = self._fmu
+        for call in fmu.version.setup(fmu.settings.experiment):
             self._handles.call(k, *call)
-        for name, port in fmu.ports.items():
-            if name in given and self._is_given(name, port):
+        inputs = {name for name, port in fmu.ports.items() if port.causality == "input"}
+        self._set_given(k, fmu.ports.keys() - inputs)
+        self._handles.call(k, *fmu.version.entry(fmu.settings.experiment))
+        self._set_given(k, inputs - self._component.wires.keys())  # the loop sets those that are wired
+
+    def _set_given(self, k: int, names: Collection[str]) -> None:
+        """Set those of these variables of instance k that the diagram gives other values than the FMU does."""
+        given = self._component.values
+        for name, port in self._fmu.ports.items():
+            if name in names and name in given and self._is_given(name, port):
                 self._set(k, name, port, given[name][self._members[k] if len(given[name]) > 1 else 0])
-        self._handles.call(k, *fmu.version.entry)
 
     def _is_given(self, name: str, port: Port) -> bool:
         """Whether a value has to be set, because it is not the FMU's own. Raises: WrongValue."""
         component = self._component
-        if port.causality == "input":
-            return False  # set with the other inputs
         variable = component.declaration.variables[name]
-        if isinstance(variable, Parameter):
+        if isinstance(variable, (Parameter, Input)):
             own = port.start()
             return name in component.given or own is None or bool(np.any(component.values[name] != np.array(own)))
         if name in component.given and not port.can_start:
@@ -88,12 +94,4 @@ class Initialization:
             address = data.ctypes.data
         counts = self._fmu.version.counts(port.size)
         arguments = (references.ctypes.data, len(references), address, *counts)
-        self._handles.call(k, f"Set{port.accessor}", *arguments, about=name)
-
-
-def _categories(description: Any) -> tuple[bool, list[str]]:
-    """Whether to switch logging on, and for which categories: those of what goes wrong, where others would be noise."""
-    names = [c.name for c in description.logCategories if c.name]
-    telling = [n for n in names if any(w in n.lower() for w in ("error", "fatal", "warning", "discard"))]
-    noisy = set(names) - set(telling) - {"logAll"}
-    return bool(telling) or not names, telling if noisy else []
+        self._handles.call(k, f"Set{port.accessor}", *arguments, about=f"`{name}`")

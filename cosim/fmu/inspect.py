@@ -10,9 +10,12 @@ import numpy as np
 
 from cosim.errors import CosimError, FmuError
 from cosim.fmu import archive, fields, versions
-from cosim.fmu.importer import MODES, Fmu, read_description
+from cosim.fmu.description import read_description
+from cosim.fmu.importer import Fmu
 from cosim.fmu.importer import dependencies as read_dependencies
 from cosim.fmu.ports import Port, ports
+from cosim.fmu.settings import FmuSettings
+from cosim.language.keys import MODES
 
 _SECTIONS = ("input", "output", "parameter", "calculatedParameter", "local")
 _CAPABILITIES = {
@@ -76,7 +79,8 @@ def _runs_here(path: Path, folder: Path, description: Any) -> str:
 def _variables(path: Path, folder: Path, description: Any, kinds: dict[str, Any], most: int) -> Iterator[str]:
     found = ports(description)
     mode = next((mode for mode, kind in kinds.items() if kind is not None), None)
-    fmu = Fmu(path, folder, description, mode or MODES[0], found)
+    eventful = mode == MODES[0] and bool(kinds[mode].hasEventMode)
+    fmu = Fmu(path, folder, description, FmuSettings(mode or MODES[0], eventful), found)
     feeds = read_dependencies(fmu, description.outputs)
     delayed = mode is not None and fmu.kind == fields.CO_SIMULATION
     for causality in _SECTIONS:

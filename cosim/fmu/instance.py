@@ -17,7 +17,7 @@ from cosim.errors import CosimError, TooManyInstances
 from cosim.fmu import claims, fields, messages
 from cosim.fmu.adapter_tables import AdapterTables
 from cosim.fmu.binary import Binary
-from cosim.fmu.handles import Handles, returned
+from cosim.fmu.handles import Handles, listed, returned
 from cosim.fmu.initialization import Initialization
 from cosim.fmu.trace import FmuTrace
 from cosim.machine.memory import private, words_at
@@ -37,7 +37,7 @@ class Instances:
     Making this calls nothing of the FMU, so that the process which does can be watched from here: see `trace`.
 
     fmu: a `cosim.fmu.importer.Fmu`. component, calls: its block in the network and its calls in the program. arena: of
-    this run. loop: how it steps. wanted: the locals that somebody looks at. zeros: gives the memory of the trace.
+    this run. loop: how it steps. wanted: what somebody looks at. zeros: gives the memory of the trace.
     members: which of the component's instances, from 0.
     """
 
@@ -109,14 +109,14 @@ class Instances:
         """What stopped the loop in one of the calls, as of the link."""
         link = self.trace.link
         k, status, failed = (int(link[w]) for w in (fields.INSTANCE, fields.STATUS, fields.FAILED))
-        name = self._tables.variable(int(link[fields.ROW]))
+        about = listed(self._tables.variables(int(link[fields.ROW])))
         if failed == fields.TERMINATED:
             return self.trace.termination(k)
         if failed in REASONS:
-            return self.trace.failure(f"it {REASONS[failed]}" + (f": `{name}`" if name else ""), k, time)
+            return self.trace.failure(f"it {REASONS[failed]}" + (f": {about}" if about else ""), k, time)
         self._handles.lost[k] = status
         function = self.trace.name_of(failed) or "a function"
-        return self.trace.failure(returned(function, name, status) + self._last_time(k, failed), k, time)
+        return self.trace.failure(returned(function, about, status) + self._last_time(k, failed), k, time)
 
     def _last_time(self, k: int, failed: int) -> str:
         """How far a step got that was discarded, where the FMU has a function that tells."""
@@ -126,7 +126,7 @@ class Instances:
         function = self.fmu.version.optional[self.fmu.kind][fields.REAL_STATUS]
         last = ctypes.c_double()
         status = self._handles.ask(k, function, fields.LAST_TIME_STATUS, ctypes.addressof(last))
-        return f", it got as far as t = {last.value:g} s" if status == fields.OK else ""
+        return f", it got as far as t = {last.value - self.fmu.settings.start_time:g} s" if status == fields.OK else ""
 
     def close(self, terminate: bool) -> None:
         """Terminate (if they were initialized) and free all instances, as far as their state allows."""
@@ -134,3 +134,8 @@ class Instances:
             self._is_open = False
             claims.give_back(self._binary.path, len(self.members))
             self._handles.free(terminate)
+
+
+def parts(fmu: Any, *arguments: Any) -> list[Instances]:
+    """All instances of a block, in the engine's process."""
+    return [Instances(fmu, *arguments)]

@@ -1,11 +1,13 @@
 """An FMU's log messages, kept natively: its logger writes into a ring in memory, so that no message enters Python.
 
-FMI 2's logger is variadic, which neither ctypes nor numba can define: hence the few lines of LLVM.
+It writes them to a file too, where there is one. FMI 2's logger is variadic, which neither ctypes nor numba can define:
+hence the few lines of LLVM.
 """
 
 from __future__ import annotations
 
 import ctypes
+import sys
 from functools import cache
 
 import numpy as np
@@ -14,12 +16,18 @@ from cosim.compiling import compiler
 from cosim.machine import object_code
 
 ENTRIES, ENTRY_BYTES, TEXT_BYTES = 16, 512, 504  # an entry is a status word and a text
-FIRST_BYTES = 16  # how many messages there have been, and how many warnings; the first of these follows, then the ring
-RING_BYTES = FIRST_BYTES + TEXT_BYTES + ENTRIES * ENTRY_BYTES
+NAME_BYTES, LINE_BYTES = 64, 4096
+#: Where in the ring, in bytes: how many messages there have been; how many warnings; one more than the descriptor of
+#: the file, 0 for none; the instance's name; the first warning's text; the entries.
+COUNT_AT, WARNINGS_AT, FILE_AT, NAME_AT = 0, 8, 16, 24
+FIRST_AT = NAME_AT + NAME_BYTES
+ENTRIES_AT = FIRST_AT + TEXT_BYTES
+RING_BYTES = ENTRIES_AT + ENTRIES * ENTRY_BYTES
 STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+CAN_WRITE = sys.platform != "win32"  # whose C library calls these functions otherwise
 
-# Both loggers claim an entry of the ring at %ring, which is the instance environment, and write status and text there.
-# The first warning's text is kept. What an FMU says without an environment is lost, and no text is an empty one.
+# Both loggers keep a message in an entry of the ring at %ring, which is the instance environment, with its status. What
+# an FMU says without an environment is lost, and no text is an empty one.
 _IR = """
 declare void @llvm.va_start(ptr)
 declare void @llvm.va_end(ptr)
@@ -27,7 +35,7 @@ declare i32 @vsnprintf(ptr, i64, ptr, ptr)
 declare ptr @strncpy(ptr, ptr, i64)
 @nothing = internal constant [1 x i8] zeroinitializer
 
-define internal ptr @claim(ptr %ring, i32 %status) {{
+define internal void @keep(ptr %ring, i32 %status, ptr %category, ptr %text) {{
   %count = atomicrmw add ptr %ring, i64 1 seq_cst
   %index = urem i64 %count, {entries}
   %place = mul i64 %index, {entry}
@@ -35,15 +43,13 @@ define internal ptr @claim(ptr %ring, i32 %status) {{
   %slot = getelementptr i8, ptr %entries, i64 %place
   %word = zext i32 %status to i64
   store i64 %word, ptr %slot
-  %text = getelementptr i8, ptr %slot, i64 8
-  ret ptr %text
-}}
-
-define internal void @keep(ptr %ring, i32 %status, ptr %text) {{
+  %there = getelementptr i8, ptr %slot, i64 8
+  %kept = call ptr @strncpy(ptr %there, ptr %text, i64 {last})
+  call void @write_line(ptr %ring, i32 %status, ptr %category, ptr %text)
   %warns = icmp eq i32 %status, 1
-  br i1 %warns, label %count, label %done
-count:
-  %warnings = getelementptr i8, ptr %ring, i64 8
+  br i1 %warns, label %count_it, label %done
+count_it:
+  %warnings = getelementptr i8, ptr %ring, i64 {warnings_at}
   %before = atomicrmw add ptr %warnings, i64 1 seq_cst
   %is_first = icmp eq i64 %before, 0
   br i1 %is_first, label %copy, label %done
@@ -63,16 +69,16 @@ define internal ptr @safe(ptr %text) {{
 
 define void @log2(ptr %ring, ptr %name, i32 %status, ptr %category, ptr %given_format, ...) {{
   %list = alloca [32 x i8], align 16
+  %text = alloca [{line} x i8]
   %lost = icmp eq ptr %ring, null
   br i1 %lost, label %done, label %heard
 heard:
   %format = call ptr @safe(ptr %given_format)
-  %text = call ptr @claim(ptr %ring, i32 %status)
   call void @llvm.va_start(ptr %list)
   {load}
-  %n = call i32 @vsnprintf(ptr %text, i64 {size}, ptr %format, ptr {arguments})
+  %n = call i32 @vsnprintf(ptr %text, i64 {line}, ptr %format, ptr {arguments})
   call void @llvm.va_end(ptr %list)
-  call void @keep(ptr %ring, i32 %status, ptr %text)
+  call void @keep(ptr %ring, i32 %status, ptr %category, ptr %text)
   br label %done
 done:
   ret void
@@ -83,11 +89,52 @@ define void @log3(ptr %ring, i32 %status, ptr %category, ptr %given_message) {{
   br i1 %lost, label %done, label %heard
 heard:
   %message = call ptr @safe(ptr %given_message)
-  %text = call ptr @claim(ptr %ring, i32 %status)
-  %copied = call ptr @strncpy(ptr %text, ptr %message, i64 {last})
-  call void @keep(ptr %ring, i32 %status, ptr %text)
+  call void @keep(ptr %ring, i32 %status, ptr %category, ptr %message)
   br label %done
 done:
+  ret void
+}}
+"""
+# One line, at once, so that those of several processes do not mix; the end of one that is too long is cut off.
+_WRITE = """
+declare i32 @snprintf(ptr, i64, ptr, ...)
+declare i64 @write(i32, ptr, i64)
+@line = internal constant [16 x i8] c"%s [%s] %s: %s\\0A\\00"
+@words = internal constant [{statuses} x [8 x i8]] [{words}]
+
+define internal void @write_line(ptr %ring, i32 %status, ptr %category, ptr %text) {{
+  %buffer = alloca [{line} x i8]
+  %at = getelementptr i8, ptr %ring, i64 {file_at}
+  %file = load i64, ptr %at
+  %has = icmp sgt i64 %file, 0
+  br i1 %has, label %write, label %done
+write:
+  %name = getelementptr i8, ptr %ring, i64 {name_at}
+  %known = icmp ult i32 %status, {statuses}
+  %index = select i1 %known, i32 %status, i32 3
+  %word = getelementptr [{statuses} x [8 x i8]], ptr @words, i32 0, i32 %index
+  %group = call ptr @safe(ptr %category)
+  %n = call i32 (ptr, i64, ptr, ...)
+    @snprintf(ptr %buffer, i64 {line}, ptr @line, ptr %name, ptr %group, ptr %word, ptr %text)
+  %made = icmp sgt i32 %n, 0
+  br i1 %made, label %put, label %done
+put:
+  %whole = icmp ult i32 %n, {line}
+  %size = select i1 %whole, i32 %n, i32 {line_end}
+  %long = zext i32 %size to i64
+  %before = sub i64 %long, 1
+  %end = getelementptr i8, ptr %buffer, i64 %before
+  store i8 10, ptr %end
+  %descriptor = sub i64 %file, 1
+  %short = trunc i64 %descriptor to i32
+  %written = call i64 @write(i32 %short, ptr %buffer, i64 %long)
+  br label %done
+done:
+  ret void
+}}
+"""
+_WRITE_NOTHING = """
+define internal void @write_line(ptr %ring, i32 %status, ptr %category, ptr %text) {{
   ret void
 }}
 """
@@ -97,13 +144,20 @@ done:
 def _library() -> object_code.Library:
     triple, cpu, features = object_code.host()
     by_pointer = "windows" in triple or ("darwin" in triple and "arm64" in triple)  # va_list is a plain pointer there
-    ir = _IR.format(
+    words = ", ".join('[8 x i8] c"' + word + "\\00" * (8 - len(word)) + '"' for word in STATUS)
+    ir = (_IR + (_WRITE if CAN_WRITE else _WRITE_NOTHING)).format(
         entries=ENTRIES,
-        entries_at=FIRST_BYTES + TEXT_BYTES,
-        first_at=FIRST_BYTES,
+        entries_at=ENTRIES_AT,
+        warnings_at=WARNINGS_AT,
+        first_at=FIRST_AT,
+        file_at=FILE_AT,
+        name_at=NAME_AT,
         entry=ENTRY_BYTES,
-        size=TEXT_BYTES,
+        line=LINE_BYTES,
+        line_end=LINE_BYTES - 1,
         last=TEXT_BYTES - 1,
+        statuses=len(STATUS),
+        words=words,
         load="%given = load ptr, ptr %list" if by_pointer else "",
         arguments="%given" if by_pointer else "%list",
     )
@@ -121,15 +175,21 @@ class Messages:
     def __init__(self, ring: np.ndarray) -> None:
         self._ring = ring.view(np.int64)
 
+    def write_to(self, descriptor: int, name: str) -> None:
+        """Have every message written to a file, too, under the instance's name."""
+        text = name.encode()[: NAME_BYTES - 1]
+        ctypes.memmove(self.environment + NAME_AT, text, len(text))
+        self._ring[FILE_AT // 8] = descriptor + 1
+
     @property
     def warnings(self) -> int:
         """How many of all messages were warnings."""
-        return int(self._ring[1])
+        return int(self._ring[WARNINGS_AT // 8])
 
     @property
     def first_warning(self) -> str:
         """The text of the first warning."""
-        return _text(self.environment + FIRST_BYTES)
+        return _text(self.environment + FIRST_AT)
 
     @property
     def environment(self) -> int:
@@ -138,10 +198,10 @@ class Messages:
 
     def last(self, most: int = 4) -> list[str]:
         """The newest messages that are worse than OK, or the newest at all, oldest first, each with its status."""
-        count = int(self._ring[0])
+        count = int(self._ring[COUNT_AT // 8])
         found = []
         for k in range(max(0, count - ENTRIES), count):
-            at = self.environment + FIRST_BYTES + TEXT_BYTES + (k % ENTRIES) * ENTRY_BYTES
+            at = self.environment + ENTRIES_AT + (k % ENTRIES) * ENTRY_BYTES
             status = ctypes.c_int64.from_address(at).value
             found.append((status, _text(at + 8)))
         telling = [pair for pair in found if pair[0] > 0] or found

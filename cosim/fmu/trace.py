@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -33,6 +33,18 @@ class FmuTrace:
         self._names = zeros((8 + _NAME_BYTES) * _NAMES).view([("address", "i8"), ("name", f"S{_NAME_BYTES}")])
         rings = zeros(messages.RING_BYTES * len(members)).reshape(len(members), -1)
         self.messages = [messages.Messages(ring) for ring in rings]
+        self._log: BinaryIO | None = None  # open as long as this
+
+    def log_to(self, file: BinaryIO) -> None:
+        """Have all messages written to a file, too."""
+        self._log = file
+        for k, ring in enumerate(self.messages):
+            ring.write_to(file.fileno(), self.instance_name(k))
+
+    def instance_name(self, k: int) -> str:
+        """What an instance is called."""
+        name = str(self.component.name)
+        return f"{name}_{self.members[k] + 1}" if self.component.fleet else name
 
     def name(self, address: int, name: str) -> None:
         """Note what a function is called."""

@@ -19,6 +19,8 @@ ANY = "*"
 TYPES = ("block", "python", "fmu", "diagram")
 NATIVE = ("block", "python", "fmu")
 METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
+MODES = ("co-simulation", "model-exchange")
+LOGS = ("errors", "all", "none")
 REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
 MOST_EXTRAPOLATION = 2
 MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
@@ -103,6 +105,27 @@ def _sources(reader: Reader, node: Node, where: str, _: Any) -> Any:
     return node.value if reader.endpoints(node, where) else []
 
 
+def _log(reader: Reader, node: Node, where: str, _: Any) -> Any:
+    """One of LOGS as it is, else a list of categories; None where it is neither."""
+    if node.value in LOGS:
+        return node.value
+    if node.value == []:
+        reader.wrong(node, f"`{where}` is an empty list", "write none, or name categories of the FMU", WrongValue)
+    nodes = node.value if isinstance(node.value, list) else [node]
+    known = [reader.text(child, where) for child in nodes]  # all of them: each has its report
+    return nodes if known and all(known) else None
+
+
+def _variables(reader: Reader, node: Node, where: str, _: Any) -> Any:
+    """A name, or nested lists of names; None where it is neither."""
+    if not isinstance(node.value, list):
+        return reader.text(node, where) or None
+    if not node.value:
+        reader.wrong(node, f"`{where}` is an empty list", "name variables of the FMU, such as [px, py]", WrongValue)
+    known = [_variables(reader, child, where, None) for child in node.value]  # all of them: each has its report
+    return node.value if known and None not in known else None
+
+
 def _data(reader: Reader, node: Node, where: str, _: Any) -> Any:
     return node.value if _is_data(reader, node, where) else None
 
@@ -122,6 +145,8 @@ def _is_data(reader: Reader, node: Node, where: str) -> bool:
 
 SIZE = Type(_size, "whole number from 1")
 SOURCES = Type(_sources, "block.port, or a list of such")
+LOG = Type(_log, f"{' | '.join(LOGS)}, or a list of its categories")
+VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for x_1, x_2, x_3")
 DATA = Type(_data, "number, text, or lists of them")
 NAMED = {ANY: Key("", ANYTHING)}
 
@@ -147,8 +172,15 @@ BLOCK: dict[str, Key] = {
     "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=NATIVE),
     "integrator": Key("its own integrator; none: that of the run", choice(INTEGRATORS), kinds=NATIVE),
     "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
-    "ports": Key("the FMU's variable behind each name of ours", below={ANY: Key("", TEXT)}, kinds=("fmu",)),
-    "mode": Key("which interface of an FMU", choice(("co-simulation", "model-exchange")), kinds=("fmu",)),
+    "ports": Key("the FMU's variables behind each name of ours", below={ANY: Key("", VARIABLES)}, kinds=("fmu",)),
+    "mode": Key("which interface of an FMU", choice(MODES), kinds=("fmu",)),
+    "event_mode": Key(
+        "whether FMI 3's Co-Simulation has one; auto: if the FMU can", choice(("auto", "on", "off")), kinds=("fmu",)
+    ),
+    "tolerance": Key("relative, of what an FMU solves inside; none: its own", POSITIVE, kinds=("fmu",)),
+    "start_time": Key("what an FMU's clock shows as the run begins", NUMBER, 0.0, unit="s", kinds=("fmu",)),
+    "log": Key("which of its messages an FMU is to log", LOG, "errors", kinds=("fmu",)),
+    "log_file": Key("where they are written as they come; none: the last ones are kept", TEXT, kinds=("fmu",)),
     "isolate": Key("whether an FMU gets a process of its own", TRUTH, False, kinds=("fmu",)),
     "drop": Key("what was written for the type that this one replaces, and goes with it", NAMES),
 }

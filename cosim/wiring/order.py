@@ -28,12 +28,12 @@ def ordered(network: Network) -> Network:
 
 def evaluation_order(network: Network) -> list[Task | Loop]:
     """All `outputs` functions and joins, sources first. Raises: DiagramErrors with every loop that cannot be solved."""
-    return _sorted(network, _graph(network, starts=False))
+    return _sorted(network, graph_of(network, starts=False))
 
 
 def initial_order(network: Network) -> list[Task | Loop]:
     """As `evaluation_order`, with every `start` function before whatever reads the states that it sets."""
-    return _sorted(network, _graph(network, starts=True))
+    return _sorted(network, graph_of(network, starts=True))
 
 
 def needed_outputs(component: Component) -> list[Function]:
@@ -234,7 +234,8 @@ class _Ways:
         )
 
 
-def _graph(network: Network, starts: bool) -> Graph:
+def graph_of(network: Network, starts: bool) -> Graph:
+    """What has to be done before each task, at a communication point or (`starts`) at initialization."""
     graph: Graph = {}
     for component in network.components.values():
         setters = component.declaration.kind("start") if starts else ()

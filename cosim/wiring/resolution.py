@@ -14,7 +14,9 @@ from cosim.wiring import (
     couplings,
     dimensions,
     given_values,
+    integers,
     matching,
+    merging,
     named_signals,
     order,
     sizes,
@@ -49,12 +51,13 @@ def _connect(draft: Draft) -> None:
     for component in draft.components.values():
         draft.problems.attempt(given_values.take, draft, component)
         draft.problems.attempt(wires.connect, draft, component)
-    wires.agree_on_integers(draft.components)
+    integers.agree(draft.components)
     couplings.couple(draft)
 
 
 def _order(draft: Draft) -> None:
     """What comes before what. Raises: DiagramErrors with every AlgebraicLoop."""
+    merging.merge(draft.network())
     network = order.ordered(draft.network())
     draft.initial, draft.evaluation = network.initial, network.evaluation
     _refuse_guesses(draft)

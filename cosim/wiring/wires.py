@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from cosim.authoring.variables import Input, Local, State
 from cosim.errors import NotWirable, UnconnectedInput, UnknownPort, WrongValue, nearest
 from cosim.language.reader import endpoint
 from cosim.language.source import Node
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component, Signal, port_and_members
-
-_INTEGERS = (np.dtype(np.int32), np.dtype(np.int64))
 
 
 def connect(draft: Draft, component: Component) -> None:
@@ -81,16 +75,3 @@ def _source(draft: Draft, component: Component, taker: str, node: Node) -> Signa
 
 def _or_ports(name: str, outputs: set[str]) -> str:
     return f"; its ports are {', '.join(f'{name}.{o}' for o in sorted(outputs))}" if outputs else ""
-
-
-def agree_on_integers(components: Mapping[str, Component]) -> None:
-    """Ports that take any integer take the type that comes or is wanted."""
-    for component in components.values():
-        for port, sources in component.wires.items():
-            here = component.declaration.variables[port]
-            for source in (s for s in sources if s.variable):
-                there = components[source.component].declaration.variables[source.variable]
-                if here.any_integer and there.dtype in _INTEGERS:
-                    here.dtype = there.dtype
-                elif there.any_integer and here.dtype in _INTEGERS:
-                    there.dtype = here.dtype

@@ -303,15 +303,26 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, fmi3Boolean 
 #define EACH(call) do { Status s = OK; for (size_t i = 0; i < n && s <= WARNING; i++) s = call; return s; } while (0)
 #define SETTER(name, type) fmi3Status fmi3Set##name(fmi3Instance c, const Reference r[], size_t n, const type v[], size_t nv)
 #define GETTER(name, type) fmi3Status fmi3Get##name(fmi3Instance c, const Reference r[], size_t n, type v[], size_t nv)
+static size_t size_of(Reference r) { return r == ARRAY || r == TWICE ? 6 : 1; }
 SETTER(Float64, fmi3Float64) {
     Machine *m = c;
-    if (r[0] == ARRAY) { if (nv != 6) return say(m, ERROR, "array"); memcpy(m->array, v, sizeof m->array); return OK; }
-    EACH(set_real(c, r[i], v[i]));
+    Status s = OK;
+    for (size_t i = 0; i < n && s <= WARNING; v += size_of(r[i]), nv -= size_of(r[i]), i++) {
+        if (nv < size_of(r[i])) return say(m, ERROR, "too few values");
+        if (r[i] == ARRAY) memcpy(m->array, v, sizeof m->array);
+        else s = set_real(m, r[i], *v);
+    }
+    return s <= WARNING && nv ? say(m, ERROR, "too many values") : s;
 }
 GETTER(Float64, fmi3Float64) {
     Machine *m = c;
-    if (r[0] == TWICE) { for (size_t i = 0; i < nv; i++) v[i] = 2 * m->array[i]; return nv == 6 ? OK : ERROR; }
-    EACH(get_real(c, r[i], v + i));
+    Status s = OK;
+    for (size_t i = 0; i < n && s <= WARNING; v += size_of(r[i]), nv -= size_of(r[i]), i++) {
+        if (nv < size_of(r[i])) return say(m, ERROR, "too few values");
+        if (r[i] == TWICE) for (int j = 0; j < 6; j++) v[j] = 2 * m->array[j];
+        else s = get_real(m, r[i], v);
+    }
+    return s <= WARNING && nv ? say(m, ERROR, "too many values") : s;
 }
 SETTER(Int32, fmi3Int32) { EACH(set_integer(c, r[i], v[i])); }
 GETTER(Int32, fmi3Int32) { EACH(get_integer(c, r[i], v + i)); }

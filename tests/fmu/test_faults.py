@@ -207,9 +207,8 @@ def edited(folder: Path, version: int, pattern: str, replacement: str) -> Path:
 )
 def test_a_description_that_lies_about_sizes(told, tmp_path, version, pattern, replacement, words, isolated):
     path = edited(tmp_path / "liar", version, pattern, replacement)
-    text = diagram(path, 0, isolated).replace(
-        "signals: [", "signals: [plant.twice, " if "twice" in pattern else "signals: ["
-    )
+    recorded = "plant.twice" if "twice" in pattern else "plant.h" if version == 3 else "plant.x"
+    text = diagram(path, 0, isolated).replace("signals: [plant.x", f"signals: [{recorded}")
     end = told(text.replace("per: robot\n", "\n").replace("[0, 0]", "0").replace(", name: [Ann, Bob]", ""))
     assert re.search(rf"block plant \(machine{version}.fmu\) failed at t = 0 s: {words}", end.text)
     assert end.status == "failed"

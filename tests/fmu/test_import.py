@@ -10,7 +10,7 @@ import pytest
 from cosim.authoring.variables import Input, Local, Output, Parameter, State
 from cosim.engine import run
 from cosim.errors import DiagramErrors, FmuError, Position, UnknownPort, WrongValue
-from cosim.fmu import importer, inspect
+from cosim.fmu import description, importer, inspect
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
 from tests.fmu import machine
@@ -292,7 +292,7 @@ def test_an_array_of_scalars_is_put_in_order_once(described, monkeypatch):
     orders = []
     monkeypatch.setattr(elements, "sorted", lambda things: orders.append(1) or sorted(things), raising=False)
     path = described(*((f"x[{i},{j}]", "Real", "output", "") for i in range(20, 0, -1) for j in range(1, 11)))
-    port = ports.ports(importer.read_description(path)[1])["x"]
+    port = ports.ports(description.read_description(path)[1])["x"]
     assert port.shape == (20, 10)
     assert [m.name for m in port.members] == [f"x[{i},{j}]" for i in range(1, 21) for j in range(1, 11)]
     assert len(orders) == 1
