@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from cosim.engine import tables
-from cosim.export.model import PHASES, Model, rows
+from cosim.engine.program import Program
+from cosim.export.model import Model
 from cosim.export.model_description import ModelDescription
+from cosim.export.phases import PHASES, Rows, rows
 
 
 def layout() -> str:
@@ -22,8 +25,9 @@ def layout() -> str:
 def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> str:
     """The constant `model`. kernels: the symbol of each call's function."""
     exported = description.model
-    done = rows(exported)
-    image, started = _image(exported)
+    done = rows(exported.program)
+    image = _Image([exported.program.arena], exported.program.arena.size)
+    started, guesses = list(_started(exported, image)), list(_guesses(exported.program, image))
     return "\n".join(
         [
             '#include "model.h"',
@@ -36,13 +40,25 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
             _array("static const Kernel functions", kernels),
             _array("static const char *const labels", (_quote(c.function.name) for c in exported.program.calls)),
             _array("static const char *const blocks", (_quote(c.component) for c in exported.program.calls)),
+            _array("static const Unsolved loops", _loops(done)),
+            _array("static const Guess guesses", guesses),
             _array("static const Started started", started),
             _array("static const int64_t periods", map(str, exported.periods)),
-            *_segments(image),
+            *_segments(np.concatenate(image.parts)),
             _array("static const Variable variables", _variables(description)),
-            _array("static const Scalar scalars", _scalars(description)),
+            _array("static const Item items", _items(description)),
             "",
-            *_constant(exported, token, len(image), len(started)),
+            *_constant(
+                exported,
+                token,
+                image.end,
+                started=len(started),
+                loops=len(done.loops),
+                guesses=len(guesses),
+                variables=len(exported.variables),
+                items=len(description.items),
+                periods=len(exported.periods),
+            ),
         ]
     )
 
@@ -59,19 +75,41 @@ def _quote(text: str) -> str:
     return f'"{safe}"'
 
 
-def _image(exported: Model) -> tuple[np.ndarray, list[str]]:
-    """The arena at first, with shadows behind it, and the rows `Started` that point to them."""
-    parts, rows, end = [exported.program.arena], [], exported.program.arena.size
-    for row, signal in exported.program.started:
-        variable = exported.of(signal)
-        size = variable.size * variable.dtype.itemsize
-        place = exported.program.arena[variable.offset : variable.offset + size]
+def _loops(done: Rows) -> Iterator[str]:
+    for row, loop in done.loops.items():
+        blocks, torn = dict.fromkeys(task.component for task in loop.tasks), ", ".join(map(str, loop.torn))
+        yield f"{{{row}, {_quote(', '.join(blocks))}, {_quote(torn)}}}"
+
+
+@dataclass
+class _Image:
+    """The arena at first, and behind it what FMUs have besides: `parts`, which end at `end`."""
+
+    parts: list[np.ndarray]
+    end: int
+
+    def add(self, content: np.ndarray) -> int:
+        """The offset of more bytes."""
+        offset, padding = self.end, np.zeros(-content.size % 8, np.uint8)
+        self.parts += [content, padding]
+        self.end += content.size + padding.size
+        return offset
+
+
+def _started(exported: Model, image: _Image) -> Iterator[str]:
+    """The rows `Started`, with the shadows of the states that they name."""
+    program = exported.program
+    for row, signal in program.started:
+        offset, size = program.places[signal].offset, program.layout.bytes_of(signal)
         given = np.full(size, int(exported.started[signal]), np.uint8)
-        padding = np.zeros(-2 * size % 8, np.uint8)
-        parts += [place, given, padding]
-        rows.append(f"{{{row}, {variable.offset}, {size}, {end}}}")
-        end += 2 * size + padding.size
-    return np.concatenate(parts), rows
+        shadow = image.add(np.concatenate([program.arena[offset : offset + size], given]))
+        yield f"{{{row}, {offset}, {size}, {shadow}}}"
+
+
+def _guesses(program: Program, image: _Image) -> Iterator[str]:
+    for signal in dict.fromkeys(signal for loop in program.loops.values() for signal in loop.torn):
+        size = program.layout.bytes_of(signal)
+        yield f"{{{program.places[signal].offset}, {size}, {image.add(np.zeros(size, np.uint8))}}}"
 
 
 def _segments(image: np.ndarray) -> Iterator[str]:
@@ -95,11 +133,12 @@ def _variables(description: ModelDescription) -> Iterator[str]:
         yield f"{{{_quote(v.name)}, {v.offset}, {v.size}, {v.type.upper()}, {v.need}, {phases}, {v.kind}}}"
 
 
-def _scalars(description: ModelDescription) -> Iterator[str]:
-    return (f"{{{scalar.variable}, {scalar.element}}}" for scalar in description.scalars)
+def _items(description: ModelDescription) -> Iterator[str]:
+    place = {variable: k for k, variable in enumerate(description.model.variables)}
+    return (f"{{{place[item.variable]}, {item.first}, {item.count}}}" for item in description.items)
 
 
-def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[str]:
+def _constant(exported: Model, token: str, size: int, **counts: int) -> Iterator[str]:
     built = exported.program
     yield "const Model model = {"
     yield f"    .token = {_quote(token)},"
@@ -108,13 +147,12 @@ def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[
     yield "    .segments = segments, .n_segments = sizeof segments / sizeof *segments, .words = words,"
     yield "    .rows = rows, .phases = phases, .banks = banks,"
     yield "    .functions = functions, .labels = labels, .blocks = blocks,"
+    for name, count in counts.items():
+        yield f"    .{name} = {name}, .n_{name} = {count},"
     yield f"    .n_states = {built.layout.states},"
     yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.layout.vectors.items())
     for name, kind in (("published", "float64"), ("published32", "float32")):
         offset, count = built.layout.published[kind]
         yield f"    .{name} = {offset}, .n_{name} = {count},"
-    yield f"    .started = started, .n_started = {started}, .periods = periods, .n_periods = {len(exported.periods)},"
-    yield f"    .variables = variables, .n_variables = {len(exported.variables)},"
-    yield f"    .scalars = scalars, .n_scalars = {sum(v.size for v in exported.variables)},"
     yield "};"
     yield ""

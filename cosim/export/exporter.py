@@ -15,10 +15,10 @@ from cosim.errors import NotExportable, ResultError, nearest
 from cosim.export import build, subnetwork
 from cosim.export.fmi2_description import Fmi2Description
 from cosim.export.fmi3_description import Fmi3Description
-from cosim.export.model import describe
+from cosim.export.model import Model, describe
 from cosim.export.model_description import TOOL, ModelDescription
-from cosim.machine import files
-from cosim.wiring.network import Network
+from cosim.machine import files, notices
+from cosim.wiring.network import Network, Signal
 
 #: How a model is described, by the version of FMI.
 DESCRIPTIONS: dict[str, type[ModelDescription]] = {d.version.name: d for d in (Fmi2Description, Fmi3Description)}
@@ -33,12 +33,14 @@ def export_fmu(
     fmi_version: str = "3.0",
     platforms: Sequence[str] | None = None,
     member: int = 1,
+    scalars: bool = False,
 ) -> Path:
     """Write some blocks of a wired diagram (none: all) as one FMU for Co-Simulation and Model Exchange.
 
     Blocks that are all mapped by the same fleet are exported as one member of it, with the values of number `member`
     (from 1) as start values; a mixture is exported with arrays over the fleet. Returns the path written.
-    platforms: names of `build.PLATFORMS`; this machine's, if none are given.
+    platforms: names of `build.PLATFORMS`; this machine's, if none are given. scalars: every element of an array is a
+    variable of its own, in FMI 3 too, for importers that know no arrays.
     Raises: UnknownBlock, NotExportable, WrongValue, KernelError, CompilerMissing, BuildFailed,
     ResultError where something stands at `output` that this function did not write.
     """
@@ -48,7 +50,7 @@ def export_fmu(
     output = Path(output)
     refuse_foreign(output)
     model = describe(subnetwork.cut(network, blocks, member), _identifier(output.stem))
-    description = DESCRIPTIONS[fmi_version](model)
+    description = DESCRIPTIONS[fmi_version](model, scalars)
     token = _token(description)
     objects = build.Objects()
     with tempfile.TemporaryDirectory(prefix="cosim-fmu-") as work:
@@ -57,7 +59,24 @@ def export_fmu(
             library = build.library(description, token, platform, objects, Path(work) / platform.name)
             members[f"binaries/{platform.folder(description.version)}/{library.name}"] = library.read_bytes()
     _pack(output, members)
+    _tell(model)
     return output
+
+
+def _tell(model: Model) -> None:
+    """What of the diagram importers do not find in the FMU, or may refuse of it."""
+    if model.left_out:
+        notices.warn(f"{_named(model.left_out)} not finite at the initialization: left out, as importers refuse that")
+    if model.cleared:
+        notices.warn(f"{_named(model.cleared)} not finite at the initialization: an input begins with 0 instead")
+    declared = [(v.signal, model.network.variable(v.signal)) for v in model.variables if v.causality == "output"]
+    if infinite := [signal for signal, variable in declared if not variable.finite]:
+        names = ", ".join(f"`{signal}`" for signal in infinite)
+        notices.warn(f"{names} may become NaN or infinite, which this program and other importers refuse of an FMU")
+
+
+def _named(signals: Sequence[Signal]) -> str:
+    return f"{', '.join(f'`{signal}`' for signal in signals)} {'is' if len(signals) == 1 else 'are'}"
 
 
 def refuse_foreign(output: Path) -> None:

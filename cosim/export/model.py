@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit, Variable
-from cosim.engine import program, tables
+from cosim.engine import program
 from cosim.engine.layout import Place
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError
+from cosim.export.dependencies import TIME, Dependencies, Knowns
 from cosim.export.subnetwork import SubNetwork
 from cosim.wiring.network import Component, Network, Signal
 
 Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED"]
 Kind = Literal["TIME", "PARAMETER", "CONTINUOUS_STATE", "DISCRETE_OUTPUT", "OTHER"]
-#: What something depends on; True: a member of a fleet depends on what belongs to the same member only.
-Knowns = dict[Signal, bool]
-
 TYPES = {
     **{"float64": "Float64", "float32": "Float32", "bool": "Boolean"},
     **{f"int{n}": f"Int{n}" for n in (8, 16, 32, 64)},
@@ -69,12 +67,13 @@ class FmiVariable:
         return TYPES[self.dtype.name]
 
 
-TIME = Signal("", "time")
-
-
 @dataclass
 class Model:
-    """A sub-network ready to be written: `variables[0]` is time; derivatives stand in the order of the state vector."""
+    """A sub-network ready to be written: `variables[0]` is time; derivatives stand in the order of the state vector.
+
+    Importers stop at a NaN, and read an infinity differently. left_out: signals that are not finite at the
+    initialization, and so are no variables. cleared: inputs that the diagram begins with such a value, the FMU with 0.
+    """
 
     name: str
     identifier: str
@@ -82,6 +81,8 @@ class Model:
     program: Program
     started: dict[Signal, bool]
     variables: list[FmiVariable] = field(default_factory=list)
+    left_out: list[Signal] = field(default_factory=list)
+    cleared: list[Signal] = field(default_factory=list)
 
     @property
     def network(self) -> Network:
@@ -105,32 +106,47 @@ class Model:
 
 def describe(sub: SubNetwork, identifier: str) -> Model:
     """All variables of a sub-network, and the program that computes them. Raises: DiagramErrors."""
-    components = list(sub.network.components.values())
+    components, diagram = list(sub.network.components.values()), sub.network.diagram
     built = program.build(sub.network, "jacobi")
-    name = components[0].declaration.name if len(components) == 1 else sub.network.diagram.title
+    name = components[0].declaration.name if len(components) == 1 else diagram.title or diagram.path.stem
     doc = components[0].declaration.doc if len(components) == 1 else ", ".join(s.name for s in components)
     model = Model(name, identifier, doc.split("\n\n")[0].replace("\n", " "), built, sub.started)
-    describer = _Describer(model, _initialized(built))
-    model.variables = list(describer.variables())
+    model.cleared = list(_cleared(built))
+    model.variables = list(_Describer(model, _initialized(built)).variables())
     return model
 
 
-def _initialized(built: Program) -> np.ndarray:
-    """The arena with what `start` functions compute; as declared where that fails without real inputs."""
+def _cleared(built: Program) -> Iterator[Signal]:
+    """The inputs that begin with what is not finite, which is 0 from now on."""
+    for component in built.network.components.values():
+        for declared in component.declaration.of(Input):
+            values = built.stored(signal := Signal(component.name, declared.name), built.arena)
+            if declared.name not in component.wires and not _is_finite(values):
+                values[~np.isfinite(values)] = 0.0
+                yield signal
+
+
+def _is_finite(values: np.ndarray) -> bool:
+    return values.dtype.kind != "f" or bool(np.isfinite(values).all())
+
+
+def _initialized(built: Program) -> np.ndarray | None:
+    """The arena with what start functions and outputs compute; None where that fails without real inputs."""
     simulation = Simulation(built, None)
     try:
         simulation.initialize()
     except CosimError:
-        return built.arena
+        return None
     return simulation.arena
 
 
 class _Describer:
-    def __init__(self, model: Model, initialized: np.ndarray) -> None:
+    def __init__(self, model: Model, initialized: np.ndarray | None) -> None:
         self.model = model
-        self.initialized = initialized
-        self.knowns = _Dependencies(model, starts=False)
-        self.initial_knowns = _Dependencies(model, starts=True)
+        self.initialized = model.program.arena if initialized is None else initialized
+        self.computed = initialized is not None
+        self.knowns = Dependencies(model.network, model.started, starts=False)
+        self.initial_knowns = Dependencies(model.network, model.started, starts=True)
 
     def variables(self) -> Iterable[FmiVariable]:
         """Time, then the variables of each component, each continuous state followed by its derivative."""
@@ -140,9 +156,18 @@ class _Describer:
             for declared in component.declaration.variables.values():
                 if declared.name in component.wires:
                     continue
+                if not self._is_finite(component, declared):
+                    self.model.left_out.append(Signal(component.name, declared.name))
+                    continue
                 yield (variable := self._variable(component, declared))
                 if declared in continuous:
                     yield self._derivative(variable, component, declared)
+
+    def _is_finite(self, component: Component, declared: Variable) -> bool:
+        """Whether an importer finds numbers only; what could not be computed yet is taken to be finite."""
+        given = isinstance(declared, (Input, Parameter, State))
+        signal = Signal(component.name, declared.name)
+        return _is_finite(self.model.program.stored(signal, self.initialized)) if given or self.computed else True
 
     def _variable(self, component: Component, declared: Variable) -> FmiVariable:
         signal = Signal(component.name, declared.name)
@@ -235,99 +260,3 @@ def _per_second(unit: Unit) -> Unit:
     if match := re.fullmatch(r"(.*/s)(\d?)", unit):
         return f"{match[1]}{int(match[2] or 1) + 1}"
     return f"{unit}/s"
-
-
-class _Dependencies:
-    """Which inputs, states (and, at the initialization, parameters) a signal depends on, through all functions."""
-
-    def __init__(self, model: Model, starts: bool) -> None:
-        self.network = model.network
-        self.started = model.started
-        self.starts = starts
-        self.found: dict[Signal, Knowns] = {}
-
-    def of(self, signal: Signal) -> Knowns:
-        """The knowns of a variable of a component."""
-        if signal not in self.found:
-            self.found[signal] = self._search(signal)
-        return self.found[signal]
-
-    def of_reads(self, component: Component, names: Iterable[str]) -> Knowns:
-        """The knowns of what a function computes from the variables that it names."""
-        return _merged({TIME: True} if name == "time" else self.of(Signal(component.name, name)) for name in names)
-
-    def _search(self, signal: Signal) -> Knowns:
-        component = self.network.components[signal.component]
-        declared = component.declaration.variables[signal.variable]
-        if signal.variable in component.wires:
-            return self._of_wire(component, signal.variable)
-        if isinstance(declared, Input):
-            return {signal: True}
-        if isinstance(declared, State):
-            return self._of_state(component, declared, signal)
-        if isinstance(declared, Parameter):
-            return {signal: True} if self.starts else {}
-        if isinstance(declared, CalculatedParameter):
-            return self._of_writers(component, "calculate", signal) if self.starts else {}
-        return self._of_writers(component, "outputs", signal)
-
-    def _of_writers(self, component: Component, kind: str, signal: Signal) -> Knowns:
-        writers = [f for f in component.declaration.kind(kind) if signal.variable in f.writes]
-        return _merged(self.of_reads(component, f.reads) for f in writers)
-
-    def _of_wire(self, component: Component, port: str) -> Knowns:
-        sources = component.wires[port]
-        found = _merged(self.of(source.whole) for source in sources)
-        same = component.fleet is not None and self.network.components[sources[0].component].fleet == component.fleet
-        whole = sources[0].members is None and not component.is_joined(port)
-        return found if same and whole else dict.fromkeys(found, False)
-
-    def _of_state(self, component: Component, declared: State, signal: Signal) -> Knowns:
-        if self.starts and not self.started.get(signal, True):
-            return self._of_writers(component, "start", signal)
-        visible = self.starts or declared in component.declaration.continuous()
-        return {signal: True} if visible else {}
-
-
-def _merged(parts: Iterable[Knowns]) -> Knowns:
-    merged: Knowns = {}
-    for part in parts:
-        for signal, same_member in part.items():
-            merged[signal] = merged.get(signal, True) and same_member
-    return merged
-
-
-# ---- phases -----------------------------------------------------------------------------------------------------
-
-#: What only FMUs do: EVALUATE while sampled blocks hold what they gave, and the derivatives of all states.
-PHASES = (*tables.PHASES, "HELD", "DERIVATIVES")
-
-
-@dataclass
-class Rows:
-    """The rows of a program, followed by those of HELD and DERIVATIVES.
-
-    phases: of each of PHASES the first row and the one after the last.
-    """
-
-    rows: np.ndarray
-    phases: list[tuple[int, int]]
-
-
-def rows(model: Model) -> Rows:
-    """The program's rows, followed by rows of our own for what only FMUs do."""
-    built = model.program
-    sampled = {name for name, component in model.network.components.items() if component.is_sampled}
-
-    def is_held(row: list[int]) -> bool:
-        return row[tables.KIND] == tables.CALL and built.calls[row[tables.A]].component in sampled
-
-    found = built.rows.tolist()
-    held = [row for row in found[slice(*built.phases["EVALUATE"])] if not is_held(row)]
-    first = [slice(int(bank[tables.FIRST_BEGIN]), int(bank[tables.FIRST_END])) for bank in built.banks]
-    derivatives = [row for part in first for row in found[part]]
-    phases = [built.phases[name] for name in tables.PHASES]
-    for added in (held, derivatives):
-        phases.append((len(found), len(found) + len(added)))
-        found += added
-    return Rows(np.array(found, np.int64).reshape(-1, tables.ROW_WORDS), phases)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 from xml.etree import ElementTree
@@ -12,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from cosim.errors import WrongUnit
-from cosim.export.model import FmiVariable, Knowns, Model
+from cosim.export.model import FmiVariable, Model
 from cosim.fmu.fmi import Version
 from cosim.language import units
 
@@ -27,28 +28,37 @@ CATEGORIES = {
 
 
 @dataclass
-class Scalar:
-    """One element of a variable; its value reference is its place in the list."""
+class Item:
+    """What a value reference stands for: elements of a variable, all or one.
 
-    variable: int
-    element: int
+    Value references are the places in the list of items, from 1: some importers take 0 for none, or a reference among
+    the dependencies for a place in the list, which so is one.
+    """
+
+    variable: FmiVariable
+    first: int
+    count: int
     name: str
 
 
 class ModelDescription(ABC):
     """A model as a version of FMI describes it.
 
-    scalars: where the C code finds the elements that have value references of their own. state_phases: those in which a
+    scalars: whether each element of an array has a value reference of its own. state_phases: those in which a
     continuous state may be set in the course of a run.
     """
 
     version: ClassVar[Version]
     state_phases: ClassVar[int]
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, scalars: bool) -> None:
         self.model = model
-        self.place = {variable: k for k, variable in enumerate(model.variables)}
-        self.scalars: list[Scalar] = []
+        self.scalars = scalars
+        self.items: list[Item] = []
+        self.first: dict[FmiVariable, int] = {}
+        for variable in model.variables:
+            self.first[variable] = len(self.items) + 1
+            self.items += _elements(variable) if scalars else [Item(variable, 0, variable.size, variable.name)]
 
     def write(self, token: str) -> bytes:
         """The XML. token: the FMI 2 GUID or FMI 3 instantiation token."""
@@ -94,7 +104,7 @@ class ModelDescription(ABC):
 
     def units(self, root: Element) -> None:
         """The definitions of all units that are named."""
-        known = dict.fromkeys(u for v in self.model.variables for u in self.element_units(v) if u)
+        known = dict.fromkeys(name for item in self.items if (name := self.unit(item)))
         if not known:
             return
         definitions = SubElement(root, "UnitDefinitions")
@@ -112,9 +122,16 @@ class ModelDescription(ABC):
                 attributes["offset"] = real(base.offset)
             SubElement(unit, "BaseUnit", attributes)
 
-    @abstractmethod
-    def element_units(self, variable: FmiVariable) -> tuple[str | None, ...]:
-        """The units that a variable's attributes can name."""
+    def unit(self, item: Item) -> str | None:
+        """An item's one unit: a tuple has one for each element of the first axis, behind that of a fleet's members."""
+        variable = item.variable
+        if variable.dtype.kind != "f":
+            return None
+        if not isinstance(variable.unit, tuple):
+            return variable.unit
+        if item.count == variable.size:
+            return variable.unit[0] if len(set(variable.unit)) == 1 else None
+        return variable.unit[np.unravel_index(item.first, variable.shape)[int(variable.mapped)]]
 
     def outputs(self) -> list[FmiVariable]:
         """The outputs, in their order."""
@@ -126,14 +143,40 @@ class ModelDescription(ABC):
         computed = [v for v in self.model.variables if v.initial in ("approx", "calculated")]
         return [v for v in computed if v.causality in ("output", "calculatedParameter") or v.signal in states]
 
-    def known(self, knowns: Knowns) -> list[FmiVariable]:
-        """The variables of knowns, in their order."""
-        return [v for v in self.model.variables if v.signal in knowns and not v.state]
+    def unknowns(self, chosen: Iterable[FmiVariable], initial: bool = False) -> Iterator[tuple[int, str]]:
+        """The value references of some variables, each with those that it depends on."""
+        for variable in chosen:
+            knowns = variable.initial_knowns if initial else variable.knowns
+            known = [v for v in self.model.variables if v.signal in knowns and not v.state]
+            for member in range(variable.shape[0]) if variable.mapped and self.scalars else (None,):
+                members = [self.references(k, member if knowns[k.signal] and k.mapped else None) for k in known]
+                dependencies = " ".join(str(reference) for part in members for reference in part)
+                for reference in self.references(variable, member):
+                    yield reference, dependencies
+
+    def references(self, variable: FmiVariable, member: int | None = None) -> range:
+        """The value references of a variable, or of one member of a fleet."""
+        first = self.first[variable]
+        if not self.scalars:
+            return range(first, first + 1)
+        if member is None:
+            return range(first, first + variable.size)
+        size = variable.size // variable.shape[0]
+        return range(first + member * size, first + (member + 1) * size)
 
     @property
     def step_events(self) -> bool:
         """Whether outputs that are no reals may change while an importer integrates, which makes an event."""
         return any(v.kind == "DISCRETE_OUTPUT" for v in self.model.variables)
+
+
+def _elements(variable: FmiVariable) -> Iterator[Item]:
+    """The elements of a variable, row by row."""
+    derivative = variable.name.startswith("der(")
+    for element, index in enumerate(np.ndindex(variable.shape)):
+        subscript = f"[{','.join(str(n + 1) for n in index)}]" if index else ""
+        name = f"{variable.name[:-1]}{subscript})" if derivative else f"{variable.name}{subscript}"
+        yield Item(variable, element, 1, name)
 
 
 def truth(value: bool) -> str:

@@ -35,8 +35,10 @@ static Status explain(Instance *i, int32_t status, double time) {
         return tell(i, ERROR, LOG_ERROR, "`%s` is not finite, or beyond 1e100, at t = %g s: try a smaller step", name,
                     time);
     }
-    if (status == ENGINE_UNSOLVED)
-        return tell(i, ERROR, LOG_ERROR, "an algebraic loop has no solution at t = %g s", time);
+    for (uint32_t l = 0; status == ENGINE_UNSOLVED && l < model.n_loops; l++)
+        if (model.loops[l].row == c[ENGINE_AT])
+            return tell(i, ERROR, LOG_ERROR, "no solution was found of the algebraic loop of %s at t = %g s, for %s",
+                        model.loops[l].blocks, time, model.loops[l].torn);
     const int64_t *row = model.rows + c[ENGINE_AT] * ENGINE_ROW_WORDS;
     const int64_t function = row[ENGINE_A];
     uint8_t *frame = i->arena + row[ENGINE_B];
@@ -120,7 +122,19 @@ static Status initialize(Instance *i) {
     return status;
 }
 
+/* Co-Simulation: whatever is read between two steps, each evaluation of a communication point begins with the same
+ * guess, as that of a run does, so that a loop's solution has the same bits. */
+static void guess_again(Instance *i) {
+    for (uint32_t g = 0; g < model.n_guesses; g++) {
+        const Guess *guess = &model.guesses[g];
+        uint8_t *published = i->arena + guess->offset, *kept = i->arena + guess->kept;
+        memcpy(i->at.guess_kept ? published : kept, i->at.guess_kept ? kept : published, guess->bytes);
+    }
+    i->at.guess_kept = 1;
+}
+
 static Status evaluate(Instance *i) {
+    if (i->interface == CO_SIMULATION) guess_again(i);
     const bool sampled = i->interface == CO_SIMULATION || i->at.sampling;
     const Status status = sampled ? run(i, 0) : execute(i, model.phases[ENGINE_HELD], i->at.time);
     i->at.outputs_stale = status >= ERROR;
@@ -212,6 +226,8 @@ Status exit_initialization(Instance *i, Phase next) {
     const Status status = provide(i, EVALUATED);
     if (status >= ERROR) return status;
     i->at.phase = next;
+    /* A run evaluates once more at its first communication point, which solves algebraic loops to other last bits. */
+    if (i->interface == CO_SIMULATION) i->at.outputs_stale = 1;
     i->at.sampling = i->interface == MODEL_EXCHANGE && model.n_periods > 0;
     i->at.next = sample_after(0);
     return worse(status, tell(i, OK, LOG_EVENTS, "initialized at t = %g s", i->at.start));
@@ -290,6 +306,8 @@ Status do_step(Instance *i, double time, double size) {
         return tell(i, DISCARD, LOG_WARNING, "doStep: sampled blocks need a multiple of %g s, not %g s", model.step, size);
     Status status = calculate(i);
     if (status >= ERROR) return status;
+    guess_again(i);
+    at->guess_kept = 0;
     follow(at, time, step);
     status = worse(status, run(i, (int64_t)n));
     at->time = time + size;

@@ -34,6 +34,7 @@ static void set_control(Instance *i) {
     c[ENGINE_N_PUBLISHED] = (int64_t)model.n_published;
     c[ENGINE_PUBLISHED32] = (int64_t)model.published32;
     c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
+    c[ENGINE_LOOPS] = (int64_t)model.n_loops;
     c[ENGINE_X] = (int64_t)model.x;
     c[ENGINE_W] = (int64_t)model.w;
     c[ENGINE_BEGUN] = (int64_t)model.begun;
@@ -139,6 +140,13 @@ uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size) {
 uint8_t *address(Instance *i, const Variable *v, uint32_t element) {
     if (v->kind == TIME) return (uint8_t *)&i->at.time;
     return i->arena + v->offset + element * size_of(v->type);
+}
+
+const Item *find(Instance *i, const char *function, uint32_t reference, uint32_t types) {
+    const Item *item = reference - 1 < model.n_items ? &model.items[reference - 1] : NULL;
+    if (item && types >> variable_of(item)->type & 1) return item;
+    tell(i, ERROR, LOG_ERROR, "%s: there is no such variable with the value reference %u", function, reference);
+    return NULL;
 }
 
 Status settable(Instance *i, const char *function, const Variable *v) {

@@ -42,6 +42,7 @@ typedef struct {
     uint8_t inputs_set;  /* Co-Simulation: something was set after the last step */
     uint8_t sampling;    /* Model Exchange: a sample instant is being handled in Event Mode */
     uint8_t stop_defined;
+    uint8_t guess_kept;  /* Co-Simulation: outputs were evaluated after the last step */
     double time;         /* as the importer counts it (s) */
     double start, stop;
     double origin;       /* the grid of inner steps: step k is at origin + (k - origin_step) * step */
@@ -79,6 +80,9 @@ bool allowed_in(Instance *, const char *function, Interface, unsigned phases);
 /* Turn log categories on or off; with no names, all. */
 Status set_categories(Instance *, bool on, size_t n, const char *const names[]);
 
+/* What a value reference stands for, if its type is one of `types`, a bit for each; else NULL, and the instance fails. */
+const Item *find(Instance *, const char *function, uint32_t reference, uint32_t types);
+static inline const Variable *variable_of(const Item *item) { return &model.variables[item->variable]; }
 /* See that a variable's value is current. */
 Status refresh(Instance *, const Variable *);
 /* Whether a variable may be set now; if not, the instance fails. */
