@@ -27,7 +27,7 @@ FLEET = f"""
 run: {{stop: 1, step: {STEP}}}
 fleets: {{robot: 3}}
 blocks:
-  robot: {{python: {BLOCKS}:Robot, per: robot, inputs: {{u: wave.y}}, start: {{x: [["0.1*i", 0.2]]}}}}
+  robot: {{python: {BLOCKS}:Robot, per: robot, inputs: {{u: wave.y}}, start: {{x: ["0.1*i", 0.2]}}}}
   wave: {{python: {BLOCKS}:Wave, per: robot, parameters: {{f: "i"}}}}
   mean: {{python: {BLOCKS}:Mean, inputs: {{x: robot.x}}}}
 """
@@ -138,7 +138,7 @@ class Log(Block):
         later[0] = time if time < 0.05 else math.inf
         y[0] = 1.0 if near < limit else 2.0
     def update(rows, next_rows):
-        pass
+        next_rows[0] = rows[0]
 
 class Far(Block):
     y = Output(finite=False)
