@@ -32,6 +32,8 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
         [
             '#include "model.h"',
             "",
+            "#include <stddef.h>",
+            "",
             *(f"int32_t {name}(double, uint8_t *, int64_t *);" for name in dict.fromkeys(kernels)),
             "",
             _array("static const int64_t rows", map(str, done.rows.reshape(-1))),
@@ -45,6 +47,7 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
             _array("static const Started started", started),
             _array("static const int64_t periods", map(str, exported.periods)),
             *_segments(np.concatenate(image.parts)),
+            *_numbers(exported),
             _array("static const Variable variables", _variables(description)),
             _array("static const Item items", _items(description)),
             "",
@@ -127,10 +130,22 @@ def _segments(image: np.ndarray) -> Iterator[str]:
     yield _array("static const uint64_t words", content)
 
 
+_NUMBERS = ("nominal", "min", "max")
+
+
+def _numbers(exported: Model) -> Iterator[str]:
+    """The nominal values and limits of every element, of the variables that have some."""
+    for k, v in enumerate(exported.variables):
+        for key in _NUMBERS:
+            if (numbers := getattr(v, key)) is not None:
+                yield _array(f"static const double {key}{k}", (repr(float(n)) for n in numbers.reshape(-1)))
+
+
 def _variables(description: ModelDescription) -> Iterator[str]:
-    for v in description.model.variables:
-        phases = description.settable(v)
-        yield f"{{{_quote(v.name)}, {v.offset}, {v.size}, {v.type.upper()}, {v.need}, {phases}, {v.kind}}}"
+    for k, v in enumerate(description.model.variables):
+        numbers = ", ".join("NULL" if getattr(v, key) is None else f"{key}{k}" for key in _NUMBERS)
+        fields = f"{v.offset}, {v.size}, {v.type.upper()}, {v.need}, {description.settable(v)}, {v.kind}"
+        yield f"{{{_quote(v.name)}, {fields}, {numbers}}}"
 
 
 def _items(description: ModelDescription) -> Iterator[str]:

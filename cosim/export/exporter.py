@@ -67,8 +67,9 @@ def _tell(model: Model) -> None:
     """What of the diagram importers do not find in the FMU, or may refuse of it."""
     if model.left_out:
         notices.warn(f"{_named(model.left_out)} not finite at the initialization: left out, as importers refuse that")
-    if model.cleared:
-        notices.warn(f"{_named(model.cleared)} not finite at the initialization: an input begins with 0 instead")
+    if model.moved:
+        why = "in the diagram with no number, or beyond a limit: in the FMU, within"
+        notices.warn(f"{', '.join(f'`{signal}`' for signal in model.moved)}: an input begins {why}")
     declared = [(v.signal, model.network.variable(v.signal)) for v in model.variables if v.causality == "output"]
     if infinite := [signal for signal, variable in declared if not variable.finite]:
         names = ", ".join(f"`{signal}`" for signal in infinite)

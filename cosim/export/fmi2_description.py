@@ -56,9 +56,7 @@ class Fmi2Description(ModelDescription):
             attributes["initial"] = v.initial
         element = SubElement(parent, "ScalarVariable", attributes)
         kind = {"f": "Real", "b": "Boolean"}.get(v.dtype.kind, "Integer")
-        values: dict[str, str] = {}
-        if unit := self.unit(item):
-            values["unit"] = unit
+        values = self.quantities(item)
         if v.start is not None:
             values["start"] = text(v.start.reshape(-1)[item.first])
         if v.state:

@@ -47,16 +47,15 @@ class Fmi3Description(ModelDescription):
     def _variable(self, parent: Element, reference: int, item: Item) -> None:
         v = item.variable
         attributes = {"name": item.name, "valueReference": str(reference)}
-        description, unit = v.description, self.unit(item)
-        if unit is None and isinstance(v.unit, tuple):
+        description = v.description
+        if self.unit(item) is None and isinstance(v.unit, tuple):
             description = f"{description} [{', '.join(v.unit)}]".strip()
         if description:
             attributes["description"] = description
         attributes |= {"causality": v.causality, "variability": v.variability}
         if v.initial:
             attributes["initial"] = v.initial
-        if unit:
-            attributes["unit"] = unit
+        attributes |= self.quantities(item)
         if v.start is not None:
             start = v.start.reshape(-1)[item.first : item.first + item.count]
             attributes["start"] = " ".join(text(value) for value in start)

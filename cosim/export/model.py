@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit, Variable
+from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, State, Unit, Variable, spread
 from cosim.engine import program
-from cosim.engine.layout import Place
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError
@@ -35,7 +34,7 @@ class FmiVariable:
 
     start: None where it is computed. offset: of its first element in the arena. need: what has to be computed before
     it can be read. state: for a derivative, the state's signal. knowns: what it depends on in the course of a run,
-    and at the initialization.
+    and at the initialization. nominal, min, max: of every element, where there are some.
     """
 
     name: str
@@ -53,6 +52,10 @@ class FmiVariable:
     kind: Kind = "OTHER"
     state: Signal | None = None
     mapped: bool = False
+    nominal: np.ndarray | None = None
+    min: np.ndarray | None = None
+    max: np.ndarray | None = None
+    display: Unit = None
     knowns: Knowns = field(default_factory=dict)
     initial_knowns: Knowns = field(default_factory=dict)
 
@@ -72,7 +75,8 @@ class Model:
     """A sub-network ready to be written: `variables[0]` is time; derivatives stand in the order of the state vector.
 
     Importers stop at a NaN, and read an infinity differently. left_out: signals that are not finite at the
-    initialization, and so are no variables. cleared: inputs that the diagram begins with such a value, the FMU with 0.
+    initialization, and so are no variables. moved: inputs that begin elsewhere than in the diagram, as it begins them
+    with no number, or beyond their limits.
     """
 
     name: str
@@ -82,7 +86,7 @@ class Model:
     started: dict[Signal, bool]
     variables: list[FmiVariable] = field(default_factory=list)
     left_out: list[Signal] = field(default_factory=list)
-    cleared: list[Signal] = field(default_factory=list)
+    moved: list[Signal] = field(default_factory=list)
 
     @property
     def network(self) -> Network:
@@ -111,19 +115,31 @@ def describe(sub: SubNetwork, identifier: str) -> Model:
     name = components[0].declaration.name if len(components) == 1 else diagram.title or diagram.path.stem
     doc = components[0].declaration.doc if len(components) == 1 else ", ".join(s.name for s in components)
     model = Model(name, identifier, doc.split("\n\n")[0].replace("\n", " "), built, sub.started)
-    model.cleared = list(_cleared(built))
+    model.moved = list(_moved(built))
     model.variables = list(_Describer(model, _initialized(built)).variables())
     return model
 
 
-def _cleared(built: Program) -> Iterator[Signal]:
-    """The inputs that begin with what is not finite, which is 0 from now on."""
+def _moved(built: Program) -> Iterator[Signal]:
+    """The inputs that begin with no number or beyond a limit: from now on, with 0 or the limit."""
     for component in built.network.components.values():
         for declared in component.declaration.of(Input):
+            if declared.name in component.wires:
+                continue
             values = built.stored(signal := Signal(component.name, declared.name), built.arena)
-            if declared.name not in component.wires and not _is_finite(values):
-                values[~np.isfinite(values)] = 0.0
+            finite = values if _is_finite(values) else np.where(np.isfinite(values), values, 0.0)
+            allowed = _within(
+                finite, *(spread(limit, component.shape(declared)) for limit in (declared.min, declared.max))
+            )
+            if (values != allowed).any():
+                values[...] = allowed
                 yield signal
+
+
+def _within(values: np.ndarray, low: np.ndarray | None, high: np.ndarray | None) -> np.ndarray:
+    """The nearest values within limits."""
+    raised = values if low is None else np.maximum(values, low)
+    return raised if high is None else np.minimum(raised, high)
 
 
 def _is_finite(values: np.ndarray) -> bool:
@@ -198,11 +214,12 @@ class _Describer:
             variability=variability,
             initial=initial,
             offset=place.offset,
-            start=self._start(place, shape, computed) if has_start else None,
+            start=self._start(component, declared, shape, computed) if has_start else None,
             unit=declared.unit,
             description=declared.description,
             need=need,
             mapped=place.stride > 0,
+            **self._quantities(component, declared, shape),
             kind=self._kind(component, declared),
             knowns=self.knowns.of(signal),
             initial_knowns=self.initial_knowns.of(signal),
@@ -215,9 +232,22 @@ class _Describer:
             return "DISCRETE_OUTPUT"
         return "PARAMETER" if isinstance(declared, Parameter) else "OTHER"
 
-    def _start(self, place: Place, shape: tuple[int, ...], computed: bool) -> np.ndarray:
+    def _quantities(self, component: Component, declared: Variable, shape: tuple[int, ...]) -> dict[str, Any]:
+        """Nominal values and limits of every element; a computed integer has no limits, as FMI holds it to them."""
+        given = declared.dtype.kind == "f" or isinstance(declared, (Input, Parameter))
+        keys = ("nominal", "min", "max") if given else ()
+        own = component.shape(declared)
+        spreads = {key: spread(getattr(declared, key), own) for key in keys}
+        found = {key: np.broadcast_to(numbers, shape) for key, numbers in spreads.items() if numbers is not None}
+        return {**found, "display": declared.display}
+
+    def _start(self, component: Component, declared: Variable, shape: tuple[int, ...], computed: bool) -> np.ndarray:
+        """As the diagram has it; of what a start function computes, an approximation within the limits."""
+        place = self.model.program.places[Signal(component.name, declared.name)]
         arena = self.initialized if computed else self.model.program.arena
-        return np.ndarray(shape, place.dtype, arena.data, place.offset).copy()
+        values = np.ndarray(shape, place.dtype, arena.data, place.offset).copy()
+        limits = (spread(limit, component.shape(declared)) for limit in (declared.min, declared.max))
+        return _within(values, *limits).astype(place.dtype) if computed else values
 
     def _derivative(self, state: FmiVariable, component: Component, declared: Variable) -> FmiVariable:
         reads = {

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from cosim.authoring.variables import Unit
 from cosim.errors import WrongUnit
 from cosim.export.model import FmiVariable, Model
 from cosim.fmu.fmi import Version
@@ -103,12 +104,17 @@ class ModelDescription(ABC):
         SubElement(root, "DefaultExperiment", values)
 
     def units(self, root: Element) -> None:
-        """The definitions of all units that are named."""
-        known = dict.fromkeys(name for item in self.items if (name := self.unit(item)))
+        """The definitions of all units that are named, each with those in which it is shown."""
+        known: dict[str, dict[str, None]] = {}
+        for item in self.items:
+            if name := self.unit(item):
+                displays = known.setdefault(name, {})
+                if display := self.display(item):
+                    displays[display] = None
         if not known:
             return
         definitions = SubElement(root, "UnitDefinitions")
-        for name in known:
+        for name, displays in known.items():
             unit = SubElement(definitions, "Unit", name=name)
             try:
                 base = units.base(name)
@@ -116,22 +122,32 @@ class ModelDescription(ABC):
                 continue  # a unit of its own: FMI compares units without base by name
             exponents = zip(units.BASES, base.exponents, strict=True)
             attributes = {symbol: str(exponent) for symbol, exponent in exponents if exponent}
-            if base.factor != 1:
-                attributes["factor"] = real(base.factor)
-            if base.offset != 0:
-                attributes["offset"] = real(base.offset)
-            SubElement(unit, "BaseUnit", attributes)
+            SubElement(unit, "BaseUnit", attributes | _conversion(base.factor, base.offset))
+            for shown in displays:
+                to = units.base(shown)
+                conversion = _conversion(base.factor / to.factor, (base.offset - to.offset) / to.factor)
+                SubElement(unit, "DisplayUnit", {"name": shown} | conversion)
 
     def unit(self, item: Item) -> str | None:
-        """An item's one unit: a tuple has one for each element of the first axis, behind that of a fleet's members."""
-        variable = item.variable
-        if variable.dtype.kind != "f":
-            return None
-        if not isinstance(variable.unit, tuple):
-            return variable.unit
-        if item.count == variable.size:
-            return variable.unit[0] if len(set(variable.unit)) == 1 else None
-        return variable.unit[np.unravel_index(item.first, variable.shape)[int(variable.mapped)]]
+        """An item's one unit."""
+        return _of_item(item, item.variable.unit) if item.variable.dtype.kind == "f" else None
+
+    def display(self, item: Item) -> str | None:
+        """The unit in which an item is shown, if it is another one."""
+        unit = self.unit(item)
+        display = _of_item(item, item.variable.display) if unit else None
+        return None if display == unit else display
+
+    def quantities(self, item: Item) -> dict[str, str]:
+        """The attributes of a variable's type, which belong to a whole array: what its elements have in common."""
+        found = {"unit": self.unit(item), "displayUnit": self.display(item)}
+        for key in ("min", "max", "nominal"):
+            numbers = getattr(item.variable, key)
+            if numbers is not None:
+                part = numbers.reshape(-1)[item.first : item.first + item.count]
+                number = part[0] if (part == part[0]).all() else None
+                found[key] = None if number is None else text(item.variable.dtype.type(number))
+        return {key: value for key, value in found.items() if value}
 
     def outputs(self) -> list[FmiVariable]:
         """The outputs, in their order."""
@@ -168,6 +184,21 @@ class ModelDescription(ABC):
     def step_events(self) -> bool:
         """Whether outputs that are no reals may change while an importer integrates, which makes an event."""
         return any(v.kind == "DISCRETE_OUTPUT" for v in self.model.variables)
+
+
+def _of_item(item: Item, unit: Unit) -> str | None:
+    """A tuple has a unit for each element of the first axis, behind that of a fleet's members."""
+    variable = item.variable
+    if not isinstance(unit, tuple):
+        return unit
+    if item.count == variable.size:
+        return unit[0] if len(set(unit)) == 1 else None
+    return unit[np.unravel_index(item.first, variable.shape)[int(variable.mapped)]]
+
+
+def _conversion(factor: float, offset: float) -> dict[str, str]:
+    attributes = {"factor": real(factor)} if factor != 1 else {}
+    return attributes | ({"offset": real(offset)} if offset != 0 else {})
 
 
 def _elements(variable: FmiVariable) -> Iterator[Item]:

@@ -189,6 +189,15 @@ Status get_states(Instance *i, double *values) {
     return status;
 }
 
+void get_nominals(double *values) {
+    for (uint64_t k = 0; k < model.n_states; k++) values[k] = 1.0;
+    for (uint32_t v = 0; v < model.n_variables; v++) {
+        const Variable *state = &model.variables[v];
+        if (state->kind != CONTINUOUS_STATE || !state->nominal) continue;
+        memcpy(values + (state->offset - model.x) / 8, state->nominal, 8 * (size_t)state->count);
+    }
+}
+
 void set_states(Instance *i, const double *values) {
     if (model.n_states) memcpy(i->arena + model.x, values, 8 * model.n_states);
     i->at.outputs_stale = i->at.derivatives_stale = 1;

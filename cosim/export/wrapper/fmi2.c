@@ -205,7 +205,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference references[], s
             const float value = (float)values[k];
             memcpy(address(i, v, item->first), &value, sizeof value);
         }
-        was_set(i, v, item->first, 1);
+        if (was_set(i, __func__, v, item->first, 1) != OK) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -218,7 +218,7 @@ fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference references[]
         const Variable *v = variable_of(item);
         if (!write_integer(v, address(i, v, item->first), values[k]))
             return (fmi2Status)tell(i, ERROR, LOG_ERROR, "%s: `%s` cannot be %d", __func__, v->name, values[k]);
-        was_set(i, v, item->first, 1);
+        if (was_set(i, __func__, v, item->first, 1) != OK) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -230,7 +230,7 @@ fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference references[]
         if (!item || settable(i, __func__, variable_of(item)) != OK) return fmi2Error;
         const Variable *v = variable_of(item);
         *address(i, v, item->first) = values[k] != fmi2False;
-        was_set(i, v, item->first, 1);
+        if (was_set(i, __func__, v, item->first, 1) != OK) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -356,7 +356,7 @@ fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
     ALLOW_IN(MODEL_EXCHANGE, ANY_PHASE & ~INITIALIZATION);
     if (n != model.n_states) return wrong_size(i, __func__, n);
-    for (size_t k = 0; k < n; k++) nominals[k] = 1.0;
+    get_nominals(nominals);
     return fmi2OK;
 }
 

@@ -158,7 +158,7 @@ static fmi3Status set(Instance *i, const char *function, const fmi3ValueReferenc
         if (item->count > n_values - done) return wrong_count(i, function, n_values);
         const Variable *v = variable_of(item);
         memcpy(address(i, v, item->first), (const uint8_t *)values + done * size, item->count * size);
-        was_set(i, v, item->first, item->count);
+        if (was_set(i, function, v, item->first, item->count) != OK) return fmi3Error;
         done += item->count;
     }
     return done == n_values ? fmi3OK : wrong_count(i, function, n_values);
@@ -384,7 +384,7 @@ fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 indicators[], size
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominals[], size_t n) {
     ALLOW_IN(MODEL_EXCHANGE, SOLVABLE);
     if (n != model.n_states) return wrong_count(i, __func__, n);
-    for (size_t k = 0; k < n; k++) nominals[k] = 1.0;
+    get_nominals(nominals);
     return fmi3OK;
 }
 

@@ -154,14 +154,45 @@ Status settable(Instance *i, const char *function, const Variable *v) {
     return tell(i, ERROR, LOG_ERROR, "%s: `%s` cannot be set %s", function, v->name, phase_name(i->at.phase));
 }
 
-void was_set(Instance *i, const Variable *v, uint32_t element, uint32_t count) {
+#define READ(type) { type value; memcpy(&value, place, sizeof value); return (double)value; }
+
+double number_at(const Instance *i, const Variable *v, uint32_t element) {
+    const uint8_t *place = i->arena + v->offset + element * size_of(v->type);
+    switch (v->type) {
+    case FLOAT64: READ(double)
+    case FLOAT32: READ(float)
+    case INT8: READ(int8_t)
+    case INT16: READ(int16_t)
+    case UINT16: READ(uint16_t)
+    case INT32: READ(int32_t)
+    case UINT32: READ(uint32_t)
+    case INT64: READ(int64_t)
+    case UINT64: READ(uint64_t)
+    default: READ(uint8_t)
+    }
+}
+
+static Status within_limits(Instance *i, const char *function, const Variable *v, uint32_t element, uint32_t count) {
+    for (uint32_t e = element; e < element + count; e++) {
+        const double value = number_at(i, v, e);
+        if (v->min && !(value >= v->min[e]))
+            return tell(i, ERROR, LOG_ERROR, "%s: `%s` is %g, below its minimum, %g", function, v->name, value, v->min[e]);
+        if (v->max && !(value <= v->max[e]))
+            return tell(i, ERROR, LOG_ERROR, "%s: `%s` is %g, above its maximum, %g", function, v->name, value, v->max[e]);
+    }
+    return OK;
+}
+
+Status was_set(Instance *i, const char *function, const Variable *v, uint32_t element, uint32_t count) {
     const size_t size = size_of(v->type);
     const uint64_t first = v->offset + element * size, bytes = count * size;
     Progress *at = &i->at;
+    /* Inputs and states may leave theirs while an importer iterates, so FMI wants them to be taken. */
+    if (v->kind == PARAMETER && within_limits(i, function, v, element, count) != OK) return ERROR;
     if (v->kind == PARAMETER) at->calculate_stale = 1;
     at->outputs_stale = at->derivatives_stale = 1;
     if (at->phase == STEP) at->inputs_set = 1;
-    if (!(at->phase & (INSTANTIATED | INITIALIZATION))) return;
+    if (!(at->phase & (INSTANTIATED | INITIALIZATION))) return OK;
     for (uint32_t s = 0; s < model.n_started; s++) {
         const Started *started = &model.started[s];
         if (first < started->offset || first >= started->offset + started->bytes) continue;
@@ -169,4 +200,5 @@ void was_set(Instance *i, const Variable *v, uint32_t element, uint32_t count) {
         memcpy(shadow, i->arena + first, bytes);
         memset(shadow + started->bytes, 1, bytes);
     }
+    return OK;
 }

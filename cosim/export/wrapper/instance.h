@@ -87,8 +87,10 @@ static inline const Variable *variable_of(const Item *item) { return &model.vari
 Status refresh(Instance *, const Variable *);
 /* Whether a variable may be set now; if not, the instance fails. */
 Status settable(Instance *, const char *function, const Variable *);
-/* What follows from having set `count` elements of a variable. */
-void was_set(Instance *, const Variable *, uint32_t element, uint32_t count);
+/* What follows from having set `count` elements of a variable; an error where a parameter is beyond its limits. */
+Status was_set(Instance *, const char *function, const Variable *, uint32_t element, uint32_t count);
+/* A number of any type; of 64-bit integers the nearest. */
+double number_at(const Instance *, const Variable *, uint32_t element);
 /* FNV-1a. */
 #define HASH_BEGIN 14695981039346656037u
 uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size);
@@ -108,6 +110,7 @@ void set_time(Instance *, double time);
 void set_states(Instance *, const double *values);
 Status get_states(Instance *, double *values);
 Status get_derivatives(Instance *, double *values);
+void get_nominals(double *values);
 
 /* FMU states: one block of memory, the same as its serialized form. */
 size_t snapshot_size(void);

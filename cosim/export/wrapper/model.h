@@ -30,6 +30,7 @@ typedef struct {
     uint8_t need;
     uint8_t settable;
     uint8_t kind; /* a Kind */
+    const double *nominal, *min, *max; /* of every element, or NULL */
 } Variable;
 
 /* DISCRETE_OUTPUT: one that is no real, and changes whenever what it is computed from does. */
