@@ -65,19 +65,18 @@ def export_fmu(
 
 def _tell(model: Model) -> None:
     """What of the diagram importers do not find in the FMU, or may refuse of it."""
-    if model.left_out:
-        notices.warn(f"{_named(model.left_out)} not finite at the initialization: left out, as importers refuse that")
-    if model.moved:
-        why = "in the diagram with no number, or beyond a limit: in the FMU, within"
-        notices.warn(f"{', '.join(f'`{signal}`' for signal in model.moved)}: an input begins {why}")
     declared = [(v.signal, model.network.variable(v.signal)) for v in model.variables if v.causality == "output"]
-    if infinite := [signal for signal, variable in declared if not variable.finite]:
-        names = ", ".join(f"`{signal}`" for signal in infinite)
-        notices.warn(f"{names} may become NaN or infinite, which this program and other importers refuse of an FMU")
-
-
-def _named(signals: Sequence[Signal]) -> str:
-    return f"{', '.join(f'`{signal}`' for signal in signals)} {'is' if len(signals) == 1 else 'are'}"
+    infinite = [signal for signal, variable in declared if not variable.finite]
+    for words, signals in (
+        ("left out, as importers refuse what is NaN or infinite at the initialization", model.left_out),
+        (
+            "inputs that begin in the diagram as no number or beyond a limit, in the FMU with 0 or the limit",
+            model.moved,
+        ),
+        ("outputs that may become NaN or infinite, which this program and others refuse of an FMU", infinite),
+    ):
+        if signals:
+            notices.warn(f"{words}: {', '.join(f'`{signal}`' for signal in signals)}")
 
 
 def refuse_foreign(output: Path) -> None:

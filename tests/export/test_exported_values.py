@@ -153,9 +153,10 @@ def test_what_is_no_number_at_the_initialization_is_left_out_and_said(tmp_path, 
     network = load(tmp_path, text + "  far: {python: own.py:Far}\n", STRANGE)
     with caplog.at_level(logging.WARNING, "cosim"):
         path = export_fmu(network, ["log"], tmp_path / "log.fmu", version)
-    assert "`log.limit`, `log.rows`, `log.table` are not finite at the initialization: left out" in caplog.text
-    assert "`log.near` is not finite at the initialization: an input begins with 0 instead" in caplog.text
-    assert "`log.later` may become NaN or infinite" in caplog.text
+    assert "left out, as importers refuse what is NaN or infinite at the" in caplog.text
+    assert "initialization: `log.limit`, `log.rows`, `log.table`" in caplog.text
+    assert "in the FMU with 0 or the limit: `log.near`" in caplog.text
+    assert "refuse of an FMU: `log.later`" in caplog.text
     with zipfile.ZipFile(path) as archive:
         description = archive.read("modelDescription.xml").decode()
     assert not any(f'"{word}"' in description or f" {word}" in description for word in ("NaN", "INF", "-INF"))
