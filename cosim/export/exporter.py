@@ -18,7 +18,7 @@ from cosim.export.fmi3_description import Fmi3Description
 from cosim.export.model import Model, describe
 from cosim.export.model_description import TOOL, ModelDescription
 from cosim.machine import files, notices
-from cosim.wiring.network import Network, Signal
+from cosim.wiring.network import Network
 
 #: How a model is described, by the version of FMI.
 DESCRIPTIONS: dict[str, type[ModelDescription]] = {d.version.name: d for d in (Fmi2Description, Fmi3Description)}
