@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,14 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
     exported = description.model
     done = rows(exported.program)
     image = _Image([exported.program.arena], exported.program.arena.size)
-    started, guesses = list(_started(exported, image)), list(_guesses(exported.program, image))
+    listed = {
+        "loops": ("Unsolved", list(_loops(done))),
+        "guesses": ("Guess", list(_guesses(exported.program, image))),
+        "started": ("Started", list(_started(exported, image))),
+        "periods": ("int64_t", list(map(str, exported.periods))),
+        "variables": ("Variable", list(_variables(description))),
+        "items": ("Item", list(_items(description))),
+    }
     return "\n".join(
         [
             '#include "model.h"',
@@ -42,26 +49,11 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
             _array("static const Kernel functions", kernels),
             _array("static const char *const labels", (_quote(c.function.name) for c in exported.program.calls)),
             _array("static const char *const blocks", (_quote(c.component) for c in exported.program.calls)),
-            _array("static const Unsolved loops", _loops(done)),
-            _array("static const Guess guesses", guesses),
-            _array("static const Started started", started),
-            _array("static const int64_t periods", map(str, exported.periods)),
             *_segments(np.concatenate(image.parts)),
             *_numbers(exported),
-            _array("static const Variable variables", _variables(description)),
-            _array("static const Item items", _items(description)),
+            *(_array(f"static const {kind} {name}", lines) for name, (kind, lines) in listed.items()),
             "",
-            *_constant(
-                exported,
-                token,
-                image.end,
-                started=len(started),
-                loops=len(done.loops),
-                guesses=len(guesses),
-                variables=len(exported.variables),
-                items=len(description.items),
-                periods=len(exported.periods),
-            ),
+            *_constant(exported, token, image.end, {name: len(lines) for name, (_, lines) in listed.items()}),
         ]
     )
 
@@ -153,7 +145,7 @@ def _items(description: ModelDescription) -> Iterator[str]:
     return (f"{{{place[item.variable]}, {item.first}, {item.count}}}" for item in description.items)
 
 
-def _constant(exported: Model, token: str, size: int, **counts: int) -> Iterator[str]:
+def _constant(exported: Model, token: str, size: int, counts: Mapping[str, int]) -> Iterator[str]:
     built = exported.program
     yield "const Model model = {"
     yield f"    .token = {_quote(token)},"

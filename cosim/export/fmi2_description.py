@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
+from cosim.export.about import About
 from cosim.export.model import Model
-from cosim.export.model_description import TOOL, Item, ModelDescription, text, truth
+from cosim.export.model_description import Item, ModelDescription, text, truth
 from cosim.fmu.versions import FMI2
 
 
@@ -15,22 +16,12 @@ class Fmi2Description(ModelDescription):
     version = FMI2
     state_phases = 0
 
-    def __init__(self, model: Model, scalars: bool = True) -> None:
-        super().__init__(model, scalars=True)
+    def __init__(self, model: Model, about: About, scalars: bool = True) -> None:
+        super().__init__(model, about, scalars=True)
 
     def root(self, token: str) -> Element:
         """As of `ModelDescription`."""
-        model = self.model
-        root = Element(
-            "fmiModelDescription",
-            fmiVersion=self.version.name,
-            modelName=model.name,
-            guid=token,
-            description=model.description,
-            generationTool=TOOL,
-            variableNamingConvention="structured",
-            numberOfEventIndicators="0",
-        )
+        root = Element("fmiModelDescription", self.identity(), guid=token, numberOfEventIndicators="0")
         common = self.capabilities() | {
             "canNotUseMemoryManagementFunctions": "true",
             "canGetAndSetFMUstate": "true",

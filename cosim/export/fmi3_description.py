@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
-from cosim.export.model_description import CONTINUOUS_TIME, EVENT, TOOL, Item, ModelDescription, real, text, truth
+from cosim.export.model_description import CONTINUOUS_TIME, EVENT, Item, ModelDescription, real, text, truth
 from cosim.fmu.versions import FMI3
 
 
@@ -16,16 +16,7 @@ class Fmi3Description(ModelDescription):
 
     def root(self, token: str) -> Element:
         """As of `ModelDescription`."""
-        model = self.model
-        root = Element(
-            "fmiModelDescription",
-            fmiVersion=self.version.name,
-            modelName=model.name,
-            instantiationToken=token,
-            description=model.description,
-            generationTool=TOOL,
-            variableNamingConvention="structured",
-        )
+        root = Element("fmiModelDescription", self.identity(), instantiationToken=token)
         common = self.capabilities() | {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
         SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=truth(self.step_events))
         SubElement(
@@ -33,7 +24,7 @@ class Fmi3Description(ModelDescription):
             "CoSimulation",
             common,
             canHandleVariableCommunicationStepSize=self.variable_steps,
-            fixedInternalStepSize=real(model.network.diagram.run.step),
+            fixedInternalStepSize=real(self.model.network.diagram.run.step),
             hasEventMode="true",
         )
         self.units(root)

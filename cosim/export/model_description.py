@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import numpy as np
 
 from cosim.authoring.variables import Unit
 from cosim.errors import WrongUnit
+from cosim.export.about import About
 from cosim.export.model import FmiVariable, Model
 from cosim.fmu.fmi import Version
 from cosim.language import units
@@ -26,6 +28,10 @@ CATEGORIES = {
     "logStatusWarning": "what a block warns of, and rejected steps",
     "logStatusError": "errors of blocks, and calls that the standard forbids",
 }
+
+
+#: Characters that no XML may hold.
+_NO_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass
@@ -52,8 +58,9 @@ class ModelDescription(ABC):
     version: ClassVar[Version]
     state_phases: ClassVar[int]
 
-    def __init__(self, model: Model, scalars: bool) -> None:
+    def __init__(self, model: Model, about: About, scalars: bool) -> None:
         self.model = model
+        self.about = about
         self.scalars = scalars
         self.items: list[Item] = []
         self.first: dict[FmiVariable, int] = {}
@@ -64,6 +71,9 @@ class ModelDescription(ABC):
     def write(self, token: str) -> bytes:
         """The XML. token: the FMI 2 GUID or FMI 3 instantiation token."""
         root = self.root(token)
+        for element in root.iter():
+            for name, value in element.items():
+                element.set(name, _NO_XML.sub("\ufffd", value))
         ElementTree.indent(root)
         written: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
         return written
@@ -84,6 +94,12 @@ class ModelDescription(ABC):
             return INSTANTIATED | INITIALIZATION | EVENT | STEP
         start = {"exact": INSTANTIATED | INITIALIZATION, "approx": INSTANTIATED}.get(variable.initial or "", 0)
         return start | self.state_phases if variable.kind == "CONTINUOUS_STATE" else start
+
+    def identity(self) -> dict[str, str]:
+        """Attributes of `fmiModelDescription` that both versions have."""
+        named = {"fmiVersion": self.version.name, "modelName": self.model.name}
+        tool = {"generationTool": TOOL, "variableNamingConvention": "structured"}
+        return {**named, "description": self.model.description, **self.about.attributes(), **tool}
 
     def capabilities(self) -> dict[str, str]:
         """Attributes of either kind."""

@@ -422,7 +422,7 @@ def test_other_platforms_are_built_with_zig(network, folder, name):
     platform = build.PLATFORMS[name]
     with zipfile.ZipFile(path) as archive:
         library = archive.read(f"binaries/{platform.folder(FMI3)}/{path.stem.replace('-', '_')}{platform.suffix}")
-        assert len(archive.namelist()) == 3
+        assert len(archive.namelist()) == 4
     assert library.startswith(MAGIC[platform.system])
 
 
