@@ -150,7 +150,7 @@ def library(description: ModelDescription, token: str, platform: Platform, objec
     parts, symbols = code_units(description.model)
     (folder / "layout.h").write_text(c_source.layout(), encoding="utf-8")
     (folder / "model.c").write_text(c_source.model(description, token, symbols), encoding="utf-8")
-    wrapper = ("instance.c", "evaluation.c", "snapshot.c", f"{description.version.prefix}.c")
+    wrapper = ("instance.c", "evaluation.c", "derivatives.c", "snapshot.c", f"{description.version.prefix}.c")
     files = [str(folder / "model.c"), *(str(WRAPPER / name) for name in wrapper)]
     for unit in parts:
         path = folder / f"{unit.name}.o"

@@ -26,6 +26,7 @@ class Fmi2Description(ModelDescription):
             "canNotUseMemoryManagementFunctions": "true",
             "canGetAndSetFMUstate": "true",
             "canSerializeFMUstate": "true",
+            "providesDirectionalDerivative": "true",
         }
         SubElement(root, "ModelExchange", common, completedIntegratorStepNotNeeded=truth(not self.step_events))
         SubElement(root, "CoSimulation", common, canHandleVariableCommunicationStepSize=self.variable_steps)

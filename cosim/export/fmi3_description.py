@@ -17,7 +17,11 @@ class Fmi3Description(ModelDescription):
     def root(self, token: str) -> Element:
         """As of `ModelDescription`."""
         root = Element("fmiModelDescription", self.identity(), instantiationToken=token)
-        common = self.capabilities() | {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+        common = self.capabilities() | {
+            "canGetAndSetFMUState": "true",
+            "canSerializeFMUState": "true",
+            "providesDirectionalDerivatives": "true",
+        }
         SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=truth(self.step_events))
         SubElement(
             root,

@@ -148,7 +148,12 @@ static Status calculate(Instance *i) {
     return status;
 }
 
-static Status provide(Instance *i, Need need) {
+Need need_of(const Instance *i, const Variable *v) {
+    const bool started = i->at.phase == INITIALIZATION && v->kind == CONTINUOUS_STATE;
+    return started ? EVALUATED : (Need)v->need;
+}
+
+Status provide(Instance *i, Need need) {
     Progress *at = &i->at;
     Status status = OK;
     if (need == NOTHING || at->phase & (INSTANTIATED | FAILED)) return OK;
@@ -167,8 +172,7 @@ static Status provide(Instance *i, Need need) {
 }
 
 Status refresh(Instance *i, const Variable *v) {
-    const bool started = i->at.phase == INITIALIZATION && v->kind == CONTINUOUS_STATE;
-    const Need need = started ? EVALUATED : (Need)v->need;
+    const Need need = need_of(i, v);
     if (need > CALCULATED && i->at.phase == STEP && i->at.inputs_set)
         return tell(i, ERROR, LOG_ERROR,
                     "`%s` cannot be read: something was set since the last step, and Co-Simulation computes in steps "
@@ -205,6 +209,13 @@ void set_states(Instance *i, const double *values) {
 
 void set_time(Instance *i, double time) {
     i->at.time = time;
+    i->at.outputs_stale = i->at.derivatives_stale = 1;
+}
+
+void move_time(Instance *i, double change) {
+    i->at.time += change;
+    i->at.start += change;
+    i->at.origin += change;
     i->at.outputs_stale = i->at.derivatives_stale = 1;
 }
 

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { READABLE = ANY_PHASE & ~INSTANTIATED };
+enum { READABLE = ANY_PHASE & ~INSTANTIATED, DIFFERENTIABLE = READABLE & ~FAILED };
 
 #define SELF \
     STANDARD_ARITHMETIC; \
@@ -285,8 +285,9 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
-    ALLOW(READABLE);
-    return unsupported(i, __func__);
+    ALLOW(DIFFERENTIABLE);
+    return (fmi2Status)directional_derivative(i, __func__, (References){unknowns, n_unknowns},
+                                              (References){knowns, n_knowns}, seed, n_knowns, sensitivity, n_unknowns);
 }
 
 /* ---- Model Exchange ------------------------------------------------------------------------------------------ */

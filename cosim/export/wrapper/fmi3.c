@@ -211,7 +211,7 @@ fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference references[], 
     return n ? unsupported(i, __func__) : fmi3OK;
 }
 
-/* ---- dependencies, derivatives: those that the model description does not promise ------------------------------ */
+/* ---- dependencies, derivatives ------------------------------------------------------------------------------- */
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReference reference, size_t *n) {
     ALLOW(ANY_PHASE);
@@ -228,8 +228,9 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference depend
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    ALLOW(ANY_PHASE);
-    return unsupported(i, __func__);
+    ALLOW(INITIALIZATION | INITIALIZED | TERMINATED);
+    return (fmi3Status)directional_derivative(i, __func__, (References){unknowns, n_unknowns},
+                                              (References){knowns, n_knowns}, seed, n_seed, sensitivity, n_sensitivity);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,

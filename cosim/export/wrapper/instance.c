@@ -172,6 +172,13 @@ double number_at(const Instance *i, const Variable *v, uint32_t element) {
     }
 }
 
+void put_number(Instance *i, const Variable *v, uint32_t element, double value) {
+    uint8_t *place = i->arena + v->offset + element * size_of(v->type);
+    const float single = (float)value;
+    if (v->type == FLOAT64) memcpy(place, &value, sizeof value);
+    if (v->type == FLOAT32) memcpy(place, &single, sizeof single);
+}
+
 static Status within_limits(Instance *i, const char *function, const Variable *v, uint32_t element, uint32_t count) {
     for (uint32_t e = element; e < element + count; e++) {
         const double value = number_at(i, v, e);

@@ -85,12 +85,16 @@ const Item *find(Instance *, const char *function, uint32_t reference, uint32_t 
 static inline const Variable *variable_of(const Item *item) { return &model.variables[item->variable]; }
 /* See that a variable's value is current. */
 Status refresh(Instance *, const Variable *);
+/* What has to be computed before a variable can be read now, and computing it, whatever has been set. */
+Need need_of(const Instance *, const Variable *);
+Status provide(Instance *, Need);
 /* Whether a variable may be set now; if not, the instance fails. */
 Status settable(Instance *, const char *function, const Variable *);
 /* What follows from having set `count` elements of a variable; an error where a parameter is beyond its limits. */
 Status was_set(Instance *, const char *function, const Variable *, uint32_t element, uint32_t count);
 /* A number of any type; of 64-bit integers the nearest. */
 double number_at(const Instance *, const Variable *, uint32_t element);
+void put_number(Instance *, const Variable *, uint32_t element, double value); /* of the types FLOAT64 and FLOAT32 */
 /* FNV-1a. */
 #define HASH_BEGIN 14695981039346656037u
 uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size);
@@ -107,10 +111,19 @@ Status complete_step(Instance *, bool *event);
 /* Model Exchange: the time of the next sample instant; false if there is none. */
 bool next_event(Instance *, double *time);
 void set_time(Instance *, double time);
+void move_time(Instance *, double change); /* and all that is counted from it */
 void set_states(Instance *, const double *values);
 Status get_states(Instance *, double *values);
 Status get_derivatives(Instance *, double *values);
 void get_nominals(double *values);
+
+/* Directional derivatives, see derivatives.c. DISCARD where there are none here. */
+typedef struct {
+    const uint32_t *references;
+    size_t n;
+} References;
+Status directional_derivative(Instance *, const char *function, References unknowns, References knowns,
+                              const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity);
 
 /* FMU states: one block of memory, the same as its serialized form. */
 size_t snapshot_size(void);
