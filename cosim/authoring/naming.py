@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from cosim.authoring import quantities
 from cosim.authoring.author_source import class_text, function_text, shown
 from cosim.authoring.declaration import KINDS
 from cosim.authoring.variables import CROSSINGS, Indicator, Parameter, State, Variable
-from cosim.errors import DeclarationError, ExpressionError, Position, WrongUnit, nearest
-from cosim.language import expression, units
+from cosim.errors import DeclarationError, ExpressionError, Position, nearest
+from cosim.language import expression
 
 _OWN = ("declaration", "measuring")
 
@@ -102,8 +103,7 @@ def _settings(name: str, variable: Any) -> Iterator[tuple[str, str]]:
             except ExpressionError as error:
                 word = "default" if isinstance(variable, Parameter) else "start value"
                 yield f"the {word} of `{name}`: {error.message}", error.fix
-    if said := _unit(variable.unit, variable.shape):
-        yield f"the unit of `{name}`: {said[0]}", said[1]
+    yield from quantities.mistakes(name, variable)
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -113,26 +113,6 @@ def _texts(value: Any) -> Iterator[str]:
     elif isinstance(value, list | tuple | np.ndarray):
         for item in value:
             yield from _texts(item)
-
-
-def _unit(unit: Any, shape: tuple[Any, ...]) -> tuple[str, str] | None:
-    """What is wrong with the unit, or the units along the first axis, of a variable of a shape."""
-    parts = unit if isinstance(unit, tuple) else () if unit is None else (unit,)
-    if not all(isinstance(part, str) for part in parts):
-        what = f"{unit!r} is neither a text nor a tuple of texts"
-        return what, 'write such as unit="m/s", or unit=("m", "rad") for the elements of the first axis'
-    try:
-        for part in parts:
-            units.base(part)
-    except WrongUnit as error:
-        return error.message, error.fix or 'such as "m/s2", "kg.m2" or "1" for none'
-    if isinstance(unit, tuple):
-        size = shape[0] if shape else 1
-        if not shape:
-            return f"{unit!r} are units for several elements of a scalar", "write one unit, as a text"
-        if not unit or (isinstance(size, int) and len(unit) != size):
-            return f"{len(unit)} units for the {size} elements of the first axis", "write one for each, or one for all"
-    return None
 
 
 def _stray(name: str, function: Any) -> tuple[str, str]:

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 Unit = str | tuple[str, ...] | None
+#: One for all elements, or one for each element of the first axis.
+Numbers = float | tuple[float, ...] | None
 
 
 class Variable:
@@ -18,6 +20,11 @@ class Variable:
     author's may have others. finite: a run in which it becomes NaN, infinite or as large as `cosim.master.loop.LIMIT`
     has diverged; False for what means something by NaN or infinity, such as a table of events or the distance to
     nobody.
+
+    nominal, min, max: the usual size of its values, above 0, and their limits, which are allowed themselves; one number
+    for all elements, or one for each element of the first axis. A parameter or start value beyond a limit is an error;
+    what is computed, or comes by a wire, is not held to it. display: the unit in which it is best shown. An exported
+    FMU hands all of them on.
     """
 
     causality: ClassVar[str]
@@ -31,6 +38,10 @@ class Variable:
         dtype: Any = float,
         start: Any = None,
         finite: bool = True,
+        nominal: Numbers = None,
+        min: Numbers = None,  # noqa: A002  # FMI's words
+        max: Numbers = None,  # noqa: A002
+        display: Unit = None,
     ) -> None:
         self.name = ""
         self.shape = shape
@@ -39,6 +50,10 @@ class Variable:
         self.dtype = np.dtype(dtype)
         self.start = start
         self.finite = finite
+        self.nominal = nominal
+        self.min = min
+        self.max = max
+        self.display = display
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -141,6 +156,14 @@ class Period(Variable):
     """The diagram's `period` (s), where a function names it and the block declares no variable of that name."""
 
     causality = "calculatedParameter"
+
+
+def spread(numbers: Numbers, shape: tuple[int, ...]) -> np.ndarray | None:
+    """A nominal value or a limit for every element of a variable of a shape; None where there is none."""
+    if numbers is None:
+        return None
+    array = np.asarray(numbers, float)
+    return np.broadcast_to(array.reshape(*array.shape, *(1,) * (len(shape) - 1)) if array.shape else array, shape)
 
 
 @dataclass

@@ -78,6 +78,7 @@ class Binding:
     def fill(self, buffers: Buffers) -> None:
         """Fill the control block."""
         program, control = self._program, self._control
+        control[:] = program.control()
         for word, array in (
             (tables.ROWS, program.rows),
             (tables.BANKS, program.banks),
@@ -89,32 +90,6 @@ class Binding:
             control[word] = array.ctypes.data
             self._keep.append(array)
         control[tables.N_GROUPS] = len(buffers.groups)
-        control[tables.LOOPS] = len(program.loops)
-        schedule = program.network.schedule
-        control[tables.GRID] = schedule.grid
-        control[tables.CLOCKS] = program.clocks
-        control[tables.N_CLOCKS] = len(schedule.clocks) + program.watched.components
-        control.view(np.float64)[tables.TICK_SIZE] = float(schedule.tick)
-        self._fill_attempts()
-        control[tables.STATES] = program.layout.states
-        control[tables.PUBLISHED], control[tables.N_PUBLISHED] = program.layout.published["float64"]
-        control[tables.PUBLISHED32], control[tables.N_PUBLISHED32] = program.layout.published["float32"]
-        control.view(np.float64)[tables.STEP_SIZE] = program.network.diagram.run.step
-        for name, offset in program.layout.vectors.items():
-            control[getattr(tables, name)] = offset
-
-    def _fill_attempts(self) -> None:
-        attempts, control = self._program.attempts, self._control
-        control[tables.ATTEMPTS], control[tables.REPEATS] = attempts.needed, attempts.repeats
-        control[tables.STARTS], control[tables.ROLLBACK] = attempts.starts, attempts.rollback
-        control[tables.HISTORIES], control[tables.N_HISTORIES] = attempts.histories
-        control.view(np.float64)[tables.TOLERANCE] = attempts.tolerance
-        watched, layout = self._program.watched, self._program.layout
-        control[tables.WATCHED], control[tables.N_WATCHED] = watched.table, watched.components
-        control[tables.WANTED], control[tables.N_INDICATORS] = watched.wanted, layout.indicators
-        for name, offset in layout.crossings.items():
-            control[getattr(tables, name)] = offset
-        control[tables.PROPOSED] = self._program.network.schedule.grid if attempts.rollback else 1
 
 
 def _forget(handles: Sequence[int]) -> None:

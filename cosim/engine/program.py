@@ -110,6 +110,28 @@ class Program:
         at = int(work + newton.F * blocks * equations * 8)
         return float(arena[at : at + 8].view(np.float64)[0])
 
+    def control(self) -> np.ndarray:
+        """The words of a control block that are the same in every run; addresses are left out."""
+        layout, attempts, watched, schedule = self.layout, self.attempts, self.watched, self.network.schedule
+        words = np.zeros(tables.CONTROL_WORDS, np.int64)
+        numbers = words.view(np.float64)
+        words[tables.LOOPS], words[tables.STATES] = len(self.loops), layout.states
+        words[tables.GRID], words[tables.CLOCKS] = schedule.grid, self.clocks
+        words[tables.N_CLOCKS] = len(schedule.clocks) + watched.components
+        words[tables.PUBLISHED], words[tables.N_PUBLISHED] = layout.published["float64"]
+        words[tables.PUBLISHED32], words[tables.N_PUBLISHED32] = layout.published["float32"]
+        words[tables.ATTEMPTS], words[tables.REPEATS] = attempts.needed, attempts.repeats
+        words[tables.STARTS], words[tables.ROLLBACK] = attempts.starts, attempts.rollback
+        words[tables.HISTORIES], words[tables.N_HISTORIES] = attempts.histories
+        words[tables.PROPOSED] = schedule.grid if attempts.rollback else 1
+        words[tables.WATCHED], words[tables.N_WATCHED] = watched.table, watched.components
+        words[tables.WANTED], words[tables.N_INDICATORS] = watched.wanted, layout.indicators
+        numbers[tables.TOLERANCE], numbers[tables.TICK_SIZE] = attempts.tolerance, float(schedule.tick)
+        numbers[tables.STEP_SIZE] = self.network.diagram.run.step
+        for name, offset in (*layout.vectors.items(), *layout.crossings.items()):
+            words[getattr(tables, name)] = offset
+        return words
+
     def phase_words(self) -> np.ndarray:
         """The first row of each phase and the one after its last, as the loop wants them."""
         return np.array([self.phases[name] for name in tables.PHASES], np.int64)

@@ -148,9 +148,9 @@ def library(description: ModelDescription, token: str, platform: Platform, objec
     """The shared library of a model in a work folder. Raises: KernelError, CompilerMissing, BuildFailed."""
     folder.mkdir(parents=True)
     parts, symbols = code_units(description.model)
-    (folder / "layout.h").write_text(c_source.layout())
-    (folder / "model.c").write_text(c_source.model(description, token, symbols))
-    wrapper = ("instance.c", "evaluation.c", "snapshot.c", f"{description.version.prefix}.c")
+    (folder / "layout.h").write_text(c_source.layout(), encoding="utf-8")
+    (folder / "model.c").write_text(c_source.model(description, token, symbols), encoding="utf-8")
+    wrapper = ("instance.c", "evaluation.c", "derivatives.c", "snapshot.c", f"{description.version.prefix}.c")
     files = [str(folder / "model.c"), *(str(WRAPPER / name) for name in wrapper)]
     for unit in parts:
         path = folder / f"{unit.name}.o"

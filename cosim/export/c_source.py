@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.export.model import PHASES, Model, rows
+from cosim.engine.program import Program
+from cosim.export.model import Model
 from cosim.export.model_description import ModelDescription
+from cosim.export.phases import PHASES, Rows, rows
 from cosim.master import tables
 
 
@@ -22,26 +25,35 @@ def layout() -> str:
 def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> str:
     """The constant `model`. kernels: the symbol of each call's function."""
     exported = description.model
-    done = rows(exported)
-    image, started = _image(exported)
+    done = rows(exported.program)
+    image = _Image([exported.program.arena], exported.program.arena.size)
+    listed = {
+        "loops": ("Unsolved", list(_loops(done))),
+        "guesses": ("Guess", list(_guesses(exported.program, image))),
+        "started": ("Started", list(_started(exported, image))),
+        "variables": ("Variable", list(_variables(description))),
+        "items": ("Item", list(_items(description))),
+    }
     return "\n".join(
         [
             '#include "model.h"',
+            "",
+            "#include <stddef.h>",
             "",
             *(f"int32_t {name}(double, uint8_t *, int64_t *);" for name in dict.fromkeys(kernels)),
             "",
             _array("static const int64_t rows", map(str, done.rows.reshape(-1))),
             _array("static const Range phases", (f"{{{begin}, {end}}}" for begin, end in done.phases)),
+            _array("static const int64_t control", map(str, exported.program.control())),
             _array("static const int64_t banks", map(str, exported.program.banks.reshape(-1))),
             _array("static const Kernel functions", kernels),
             _array("static const char *const labels", (_quote(c.function.name) for c in exported.program.calls)),
             _array("static const char *const blocks", (_quote(c.component) for c in exported.program.calls)),
-            _array("static const Started started", started),
-            *_segments(image),
-            _array("static const Variable variables", _variables(description)),
-            _array("static const Scalar scalars", _scalars(description)),
+            *_segments(np.concatenate(image.parts)),
+            *_numbers(exported),
+            *(_array(f"static const {kind} {name}", lines) for name, (kind, lines) in listed.items()),
             "",
-            *_constant(exported, token, len(image), len(started)),
+            *_constant(exported, token, image.end, {name: len(lines) for name, (_, lines) in listed.items()}),
         ]
     )
 
@@ -58,19 +70,41 @@ def _quote(text: str) -> str:
     return f'"{safe}"'
 
 
-def _image(exported: Model) -> tuple[np.ndarray, list[str]]:
-    """The arena at first, with shadows behind it, and the rows `Started` that point to them."""
-    parts, rows, end = [exported.program.arena], [], exported.program.arena.size
-    for row, signal in exported.program.started:
-        variable = exported.of(signal)
-        size = variable.size * variable.dtype.itemsize
-        place = exported.program.arena[variable.offset : variable.offset + size]
+def _loops(done: Rows) -> Iterator[str]:
+    for row, loop in done.loops.items():
+        blocks, torn = dict.fromkeys(task.component for task in loop.tasks), ", ".join(map(str, loop.torn))
+        yield f"{{{row}, {_quote(', '.join(blocks))}, {_quote(torn)}}}"
+
+
+@dataclass
+class _Image:
+    """The arena at first, and behind it what FMUs have besides: `parts`, which end at `end`."""
+
+    parts: list[np.ndarray]
+    end: int
+
+    def add(self, content: np.ndarray) -> int:
+        """The offset of more bytes."""
+        offset, padding = self.end, np.zeros(-content.size % 8, np.uint8)
+        self.parts += [content, padding]
+        self.end += content.size + padding.size
+        return offset
+
+
+def _started(exported: Model, image: _Image) -> Iterator[str]:
+    """The rows `Started`, with the shadows of the states that they name."""
+    program = exported.program
+    for row, signal in program.started:
+        offset, size = program.places[signal].offset, program.layout.bytes_of(signal)
         given = np.full(size, int(exported.started[signal]), np.uint8)
-        padding = np.zeros(-2 * size % 8, np.uint8)
-        parts += [place, given, padding]
-        rows.append(f"{{{row}, {variable.offset}, {size}, {end}}}")
-        end += 2 * size + padding.size
-    return np.concatenate(parts), rows
+        shadow = image.add(np.concatenate([program.arena[offset : offset + size], given]))
+        yield f"{{{row}, {offset}, {size}, {shadow}}}"
+
+
+def _guesses(program: Program, image: _Image) -> Iterator[str]:
+    for signal in dict.fromkeys(signal for loop in program.loops.values() for signal in loop.torn):
+        size = program.layout.bytes_of(signal)
+        yield f"{{{program.places[signal].offset}, {size}, {image.add(np.zeros(size, np.uint8))}}}"
 
 
 def _segments(image: np.ndarray) -> Iterator[str]:
@@ -88,17 +122,30 @@ def _segments(image: np.ndarray) -> Iterator[str]:
     yield _array("static const uint64_t words", content)
 
 
+_NUMBERS = ("nominal", "min", "max")
+
+
+def _numbers(exported: Model) -> Iterator[str]:
+    """The nominal values and limits of every element, of the variables that have some."""
+    for k, v in enumerate(exported.variables):
+        for key in _NUMBERS:
+            if (numbers := getattr(v, key)) is not None:
+                yield _array(f"static const double {key}{k}", (repr(float(n)) for n in numbers.reshape(-1)))
+
+
 def _variables(description: ModelDescription) -> Iterator[str]:
-    for v in description.model.variables:
-        phases = description.settable(v)
-        yield f"{{{_quote(v.name)}, {v.offset}, {v.size}, {v.type.upper()}, {v.need}, {phases}, {v.kind}}}"
+    for k, v in enumerate(description.model.variables):
+        numbers = ", ".join("NULL" if getattr(v, key) is None else f"{key}{k}" for key in _NUMBERS)
+        fields = f"{v.offset}, {v.size}, {v.type.upper()}, {v.need}, {description.settable(v)}, {v.kind}"
+        yield f"{{{_quote(v.name)}, {fields}, {numbers}}}"
 
 
-def _scalars(description: ModelDescription) -> Iterator[str]:
-    return (f"{{{scalar.variable}, {scalar.element}}}" for scalar in description.scalars)
+def _items(description: ModelDescription) -> Iterator[str]:
+    place = {variable: k for k, variable in enumerate(description.model.variables)}
+    return (f"{{{place[item.variable]}, {item.first}, {item.count}}}" for item in description.items)
 
 
-def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[str]:
+def _constant(exported: Model, token: str, size: int, counts: Mapping[str, int]) -> Iterator[str]:
     built, schedule = exported.program, exported.network.schedule
     yield "const Model model = {"
     yield f"    .token = {_quote(token)},"
@@ -108,14 +155,10 @@ def _constant(exported: Model, token: str, size: int, started: int) -> Iterator[
     yield "    .segments = segments, .n_segments = sizeof segments / sizeof *segments, .words = words,"
     yield "    .rows = rows, .phases = phases, .banks = banks,"
     yield "    .functions = functions, .labels = labels, .blocks = blocks,"
-    yield f"    .n_states = {built.layout.states},"
-    yield "    " + " ".join(f".{name.lower()} = {offset}," for name, offset in built.layout.vectors.items())
-    for name, kind in (("published", "float64"), ("published32", "float32")):
-        offset, count = built.layout.published[kind]
-        yield f"    .{name} = {offset}, .n_{name} = {count},"
-    yield f"    .started = started, .n_started = {started},"
+    for name, count in counts.items():
+        yield f"    .{name} = {name}, .n_{name} = {count},"
+    yield "    .control = control,"
+    yield f"    .n_states = {built.layout.states}, .x = {built.layout.vectors['X']}, .d = {built.layout.vectors['D']},"
     yield f"    .clocks = {built.clocks}, .n_clocks = {len(schedule.clocks)},"
-    yield f"    .variables = variables, .n_variables = {len(exported.variables)},"
-    yield f"    .scalars = scalars, .n_scalars = {sum(v.size for v in exported.variables)},"
     yield "};"
     yield ""

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.errors import NotExportable, ResultError, nearest
-from cosim.export import build, subnetwork
+from cosim.export import build, documentation, subnetwork
+from cosim.export.about import About
 from cosim.export.fmi2_description import Fmi2Description
 from cosim.export.fmi3_description import Fmi3Description
-from cosim.export.model import describe
+from cosim.export.model import Model, describe
 from cosim.export.model_description import TOOL, ModelDescription
-from cosim.machine import files
+from cosim.machine import files, notices
 from cosim.wiring.network import Network
 
 #: How a model is described, by the version of FMI.
@@ -33,13 +34,16 @@ def export_fmu(
     fmi_version: str = "3.0",
     platforms: Sequence[str] | None = None,
     member: int = 1,
+    scalars: bool = False,
+    about: About | None = None,
 ) -> Path:
     """Write some blocks of a wired diagram (none: all) as one FMU for Co-Simulation and Model Exchange.
 
     Blocks that are all mapped by the same fleet are exported as one member of it, with the values of number `member`
     (from 1) as start values; a mixture is exported with arrays over the fleet. Returns the path written.
-    platforms: names of `build.PLATFORMS`; this machine's, if none are given.
-    Raises: UnknownBlock, NotExportable, WrongValue, KernelError, CompilerMissing, BuildFailed,
+    platforms: names of `build.PLATFORMS`; this machine's, if none are given. scalars: every element of an array is a
+    variable of its own, in FMI 3 too, for importers that know no arrays. about: author, license and the like.
+    Raises: UnknownBlock, NotExportable, WrongValue, MissingFile, KernelError, CompilerMissing, BuildFailed,
     ResultError where something stands at `output` that this function did not write.
     """
     if fmi_version not in DESCRIPTIONS:
@@ -48,16 +52,36 @@ def export_fmu(
     output = Path(output)
     refuse_foreign(output)
     model = describe(subnetwork.cut(network, blocks, member), _identifier(output.stem))
-    description = DESCRIPTIONS[fmi_version](model)
+    about = (about or About()).dated()
+    members = about.files()
+    description = DESCRIPTIONS[fmi_version](model, about, scalars)
     token = _token(description)
     objects = build.Objects()
     with tempfile.TemporaryDirectory(prefix="cosim-fmu-") as work:
-        members = {"modelDescription.xml": description.write(token)}
+        members["modelDescription.xml"] = description.write(token)
+        members["documentation/index.html"] = documentation.page(description, about).encode(errors="backslashreplace")
         for platform in targets:
             library = build.library(description, token, platform, objects, Path(work) / platform.name)
             members[f"binaries/{platform.folder(description.version)}/{library.name}"] = library.read_bytes()
     _pack(output, members)
+    _tell(model)
     return output
+
+
+def _tell(model: Model) -> None:
+    """What of the diagram importers do not find in the FMU, or may refuse of it."""
+    declared = [(v.signal, model.network.variable(v.signal)) for v in model.variables if v.causality == "output"]
+    infinite = [signal for signal, variable in declared if not variable.finite]
+    for words, signals in (
+        ("left out, as importers refuse what is NaN or infinite at the initialization", model.left_out),
+        (
+            "inputs that begin in the diagram as no number or beyond a limit, in the FMU with 0 or the limit",
+            model.moved,
+        ),
+        ("outputs that may become NaN or infinite, which this program and others refuse of an FMU", infinite),
+    ):
+        if signals:
+            notices.warn(f"{words}: {', '.join(f'`{signal}`' for signal in signals)}")
 
 
 def refuse_foreign(output: Path) -> None:

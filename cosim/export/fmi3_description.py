@@ -4,72 +4,61 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
-from cosim.export.model import FmiVariable
-from cosim.export.model_description import CONTINUOUS_TIME, EVENT, TOOL, ModelDescription, real, text, truth
+from cosim.export.model_description import CONTINUOUS_TIME, EVENT, Item, ModelDescription, real, text, truth
 from cosim.fmu.versions import FMI3
 
 
 class Fmi3Description(ModelDescription):
-    """FMI 3.0's, of arrays."""
+    """FMI 3.0's, of arrays, or of their elements for importers that know none."""
 
     version = FMI3
     state_phases = EVENT | CONTINUOUS_TIME
 
     def root(self, token: str) -> Element:
         """As of `ModelDescription`."""
-        model = self.model
-        root = Element(
-            "fmiModelDescription",
-            fmiVersion=self.version.name,
-            modelName=model.name,
-            instantiationToken=token,
-            description=model.description,
-            generationTool=TOOL,
-            variableNamingConvention="structured",
-        )
-        common = self.capabilities() | {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
-        SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=truth(self.step_events))
+        root = Element("fmiModelDescription", self.identity(), instantiationToken=token)
+        common = self.capabilities() | {
+            "canGetAndSetFMUState": "true",
+            "canSerializeFMUState": "true",
+            "providesDirectionalDerivatives": "true",
+        }
+        if not self.model.program.layout.indicators:  # whose events Co-Simulation finds by itself
+            SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=truth(self.step_events))
         SubElement(
             root,
             "CoSimulation",
             common,
             canHandleVariableCommunicationStepSize=self.variable_steps,
-            fixedInternalStepSize=real(model.network.diagram.run.step),
+            fixedInternalStepSize=real(self.model.network.diagram.run.step),
             hasEventMode="true",
         )
         self.units(root)
         self.experiment(root)
         variables = SubElement(root, "ModelVariables")
-        for reference, variable in enumerate(model.variables):
-            self._variable(variables, reference, variable)
+        for reference, item in enumerate(self.items, 1):
+            self._variable(variables, reference, item)
         self._structure(SubElement(root, "ModelStructure"))
         return root
 
-    def element_units(self, variable: FmiVariable) -> tuple[str | None, ...]:
-        """An array has one unit; where its rows differ, the description lists them."""
-        if variable.dtype.kind != "f" or (isinstance(variable.unit, tuple) and len(set(variable.unit)) > 1):
-            return ()
-        return (variable.unit[0] if isinstance(variable.unit, tuple) else variable.unit,)
-
-    def _variable(self, parent: Element, reference: int, v: FmiVariable) -> None:
-        attributes = {"name": v.name, "valueReference": str(reference)}
+    def _variable(self, parent: Element, reference: int, item: Item) -> None:
+        v = item.variable
+        attributes = {"name": item.name, "valueReference": str(reference)}
         description = v.description
-        possible = self.element_units(v)
-        if not possible and isinstance(v.unit, tuple):
+        if self.unit(item) is None and isinstance(v.unit, tuple):
             description = f"{description} [{', '.join(v.unit)}]".strip()
         if description:
             attributes["description"] = description
         attributes |= {"causality": v.causality, "variability": v.variability}
         if v.initial:
             attributes["initial"] = v.initial
-        if possible and possible[0]:
-            attributes["unit"] = possible[0]
+        attributes |= self.quantities(item)
         if v.start is not None:
-            attributes["start"] = " ".join(text(value) for value in v.start.reshape(-1))
+            start = v.start.reshape(-1)[item.first : item.first + item.count]
+            attributes["start"] = " ".join(text(value) for value in start)
         if v.state:
-            attributes["derivative"] = self._reference(self.model.of(v.state))
+            attributes["derivative"] = str(self.references(self.model.of(v.state))[item.first])
         element = SubElement(parent, v.type, attributes)
-        for size in v.shape:
+        for size in () if self.scalars else v.shape:
             SubElement(element, "Dimension", start=str(size))
 
     def _structure(self, structure: Element) -> None:
@@ -78,10 +67,5 @@ class Fmi3Description(ModelDescription):
             ("ContinuousStateDerivative", self.model.derivatives, False),
             ("InitialUnknown", self.initial_unknowns(), True),
         ):
-            for variable in chosen:
-                knowns = variable.initial_knowns if initial else variable.knowns
-                dependencies = " ".join(self._reference(k) for k in self.known(knowns))
-                SubElement(structure, tag, valueReference=self._reference(variable), dependencies=dependencies)
-
-    def _reference(self, variable: FmiVariable) -> str:
-        return str(self.place[variable])
+            for reference, dependencies in self.unknowns(chosen, initial):
+                SubElement(structure, tag, valueReference=str(reference), dependencies=dependencies)

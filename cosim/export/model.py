@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from cosim.authoring.variables import CalculatedParameter, Input, Output, Parameter, Period, State, Unit, Variable
+from cosim.authoring.variables import (
+    CalculatedParameter,
+    Indicator,
+    Input,
+    Output,
+    Parameter,
+    Period,
+    State,
+    Unit,
+    Variable,
+    spread,
+)
 from cosim.engine import program
-from cosim.engine.allocation import Place
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError
+from cosim.export.dependencies import TIME, Dependencies, Knowns
 from cosim.export.subnetwork import SubNetwork
-from cosim.master import tables
 from cosim.wiring.network import Component, Network, Signal
 
 Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED"]
 Kind = Literal["TIME", "PARAMETER", "CONTINUOUS_STATE", "DISCRETE_OUTPUT", "OTHER"]
-#: What something depends on; True: a member of a fleet depends on what belongs to the same member only.
-Knowns = dict[Signal, bool]
-
 TYPES = {
     **{"float64": "Float64", "float32": "Float32", "bool": "Boolean"},
     **{f"int{n}": f"Int{n}" for n in (8, 16, 32, 64)},
@@ -38,7 +45,7 @@ class FmiVariable:
 
     start: None where it is computed. offset: of its first element in the arena. need: what has to be computed before
     it can be read. state: for a derivative, the state's signal. knowns: what it depends on in the course of a run,
-    and at the initialization.
+    and at the initialization. nominal, min, max: of every element, where there are some.
     """
 
     name: str
@@ -56,6 +63,10 @@ class FmiVariable:
     kind: Kind = "OTHER"
     state: Signal | None = None
     mapped: bool = False
+    nominal: np.ndarray | None = None
+    min: np.ndarray | None = None
+    max: np.ndarray | None = None
+    display: Unit = None
     knowns: Knowns = field(default_factory=dict)
     initial_knowns: Knowns = field(default_factory=dict)
 
@@ -70,12 +81,14 @@ class FmiVariable:
         return TYPES[self.dtype.name]
 
 
-TIME = Signal("", "time")
-
-
 @dataclass
 class Model:
-    """A sub-network ready to be written: `variables[0]` is time; derivatives stand in the order of the state vector."""
+    """A sub-network ready to be written: `variables[0]` is time; derivatives stand in the order of the state vector.
+
+    Importers stop at a NaN, and read an infinity differently. left_out: signals that are not finite at the
+    initialization, and so are no variables. moved: inputs that begin elsewhere than in the diagram, as it begins them
+    with no number, or beyond their limits.
+    """
 
     name: str
     identifier: str
@@ -83,6 +96,8 @@ class Model:
     program: Program
     started: dict[Signal, bool]
     variables: list[FmiVariable] = field(default_factory=list)
+    left_out: list[Signal] = field(default_factory=list)
+    moved: list[Signal] = field(default_factory=list)
 
     @property
     def network(self) -> Network:
@@ -101,32 +116,59 @@ class Model:
 
 def describe(sub: SubNetwork, identifier: str) -> Model:
     """All variables of a sub-network, and the program that computes them. Raises: DiagramErrors."""
-    components = list(sub.network.components.values())
+    components, diagram = list(sub.network.components.values()), sub.network.diagram
     built = program.build(sub.network, "jacobi")
-    name = components[0].declaration.name if len(components) == 1 else sub.network.diagram.title
+    name = components[0].declaration.name if len(components) == 1 else diagram.title or diagram.path.stem
     doc = components[0].declaration.doc if len(components) == 1 else ", ".join(s.name for s in components)
     model = Model(name, identifier, doc.split("\n\n")[0].replace("\n", " "), built, sub.started)
-    describer = _Describer(model, _initialized(built))
-    model.variables = list(describer.variables())
+    model.moved = list(_moved(built))
+    model.variables = list(_Describer(model, _initialized(built)).variables())
     return model
 
 
-def _initialized(built: Program) -> np.ndarray:
-    """The arena with what `start` functions compute; as declared where that fails without real inputs."""
+def _moved(built: Program) -> Iterator[Signal]:
+    """The inputs that begin with no number or beyond a limit: from now on, with 0 or the limit."""
+    for component in built.network.components.values():
+        for declared in component.declaration.of(Input):
+            if declared.name in component.wires:
+                continue
+            values = built.stored(signal := Signal(component.name, declared.name), built.arena)
+            finite = values if _is_finite(values) else np.where(np.isfinite(values), values, 0.0)
+            allowed = _within(
+                finite, *(spread(limit, component.shape(declared)) for limit in (declared.min, declared.max))
+            )
+            if (values != allowed).any():
+                values[...] = allowed
+                yield signal
+
+
+def _within(values: np.ndarray, low: np.ndarray | None, high: np.ndarray | None) -> np.ndarray:
+    """The nearest values within limits."""
+    raised = values if low is None else np.maximum(values, low)
+    return raised if high is None else np.minimum(raised, high)
+
+
+def _is_finite(values: np.ndarray) -> bool:
+    return values.dtype.kind != "f" or bool(np.isfinite(values).all())
+
+
+def _initialized(built: Program) -> np.ndarray | None:
+    """The arena with what start functions and outputs compute; None where that fails without real inputs."""
     simulation = Simulation(built, None)
     try:
         simulation.initialize()
     except CosimError:
-        return built.arena
+        return None
     return simulation.arena
 
 
 class _Describer:
-    def __init__(self, model: Model, initialized: np.ndarray) -> None:
+    def __init__(self, model: Model, initialized: np.ndarray | None) -> None:
         self.model = model
-        self.initialized = initialized
-        self.knowns = _Dependencies(model, starts=False)
-        self.initial_knowns = _Dependencies(model, starts=True)
+        self.initialized = model.program.arena if initialized is None else initialized
+        self.computed = initialized is not None
+        self.knowns = Dependencies(model.network, model.started, starts=False)
+        self.initial_knowns = Dependencies(model.network, model.started, starts=True)
 
     def variables(self) -> Iterable[FmiVariable]:
         """Time, then the variables of each component, each continuous state followed by its derivative."""
@@ -134,11 +176,20 @@ class _Describer:
         for component in self.model.network.components.values():
             continuous = component.declaration.continuous()
             for declared in component.declaration.variables.values():
-                if declared.name in component.wires or isinstance(declared, Period):
+                if declared.name in component.wires or isinstance(declared, (Indicator, Period)):
+                    continue
+                if not self._is_finite(component, declared):
+                    self.model.left_out.append(Signal(component.name, declared.name))
                     continue
                 yield (variable := self._variable(component, declared))
                 if declared in continuous:
                     yield self._derivative(variable, component, declared)
+
+    def _is_finite(self, component: Component, declared: Variable) -> bool:
+        """Whether an importer finds numbers only; what could not be computed yet is taken to be finite."""
+        given = isinstance(declared, (Input, Parameter, State))
+        signal = Signal(component.name, declared.name)
+        return _is_finite(self.model.program.stored(signal, self.initialized)) if given or self.computed else True
 
     def _variable(self, component: Component, declared: Variable) -> FmiVariable:
         signal = Signal(component.name, declared.name)
@@ -169,11 +220,12 @@ class _Describer:
             variability=variability,
             initial=initial,
             offset=place.offset,
-            start=self._start(place, shape, computed) if has_start else None,
+            start=self._start(component, declared, shape, computed) if has_start else None,
             unit=declared.unit,
             description=declared.description,
             need=need,
             mapped=place.stride > 0,
+            **self._quantities(component, declared, shape),
             kind=self._kind(component, declared),
             knowns=self.knowns.of(signal),
             initial_knowns=self.initial_knowns.of(signal),
@@ -186,9 +238,22 @@ class _Describer:
             return "DISCRETE_OUTPUT"
         return "PARAMETER" if isinstance(declared, Parameter) else "OTHER"
 
-    def _start(self, place: Place, shape: tuple[int, ...], computed: bool) -> np.ndarray:
+    def _quantities(self, component: Component, declared: Variable, shape: tuple[int, ...]) -> dict[str, Any]:
+        """Nominal values and limits of every element; a computed integer has no limits, as FMI holds it to them."""
+        given = declared.dtype.kind == "f" or isinstance(declared, (Input, Parameter))
+        keys = ("nominal", "min", "max") if given else ()
+        own = component.shape(declared)
+        spreads = {key: spread(getattr(declared, key), own) for key in keys}
+        found = {key: np.broadcast_to(numbers, shape) for key, numbers in spreads.items() if numbers is not None}
+        return {**found, "display": declared.display}
+
+    def _start(self, component: Component, declared: Variable, shape: tuple[int, ...], computed: bool) -> np.ndarray:
+        """As the diagram has it; of what a start function computes, an approximation within the limits."""
+        place = self.model.program.places[Signal(component.name, declared.name)]
         arena = self.initialized if computed else self.model.program.arena
-        return np.ndarray(shape, place.dtype, arena.data, place.offset).copy()
+        values = np.ndarray(shape, place.dtype, arena.data, place.offset).copy()
+        limits = (spread(limit, component.shape(declared)) for limit in (declared.min, declared.max))
+        return _within(values, *limits).astype(place.dtype) if computed else values
 
     def _derivative(self, state: FmiVariable, component: Component, declared: Variable) -> FmiVariable:
         reads = {
@@ -231,99 +296,3 @@ def _per_second(unit: Unit) -> Unit:
     if match := re.fullmatch(r"(.*/s)(\d?)", unit):
         return f"{match[1]}{int(match[2] or 1) + 1}"
     return f"{unit}/s"
-
-
-class _Dependencies:
-    """Which inputs, states (and, at the initialization, parameters) a signal depends on, through all functions."""
-
-    def __init__(self, model: Model, starts: bool) -> None:
-        self.network = model.network
-        self.started = model.started
-        self.starts = starts
-        self.found: dict[Signal, Knowns] = {}
-
-    def of(self, signal: Signal) -> Knowns:
-        """The knowns of a variable of a component."""
-        if signal not in self.found:
-            self.found[signal] = self._search(signal)
-        return self.found[signal]
-
-    def of_reads(self, component: Component, names: Iterable[str]) -> Knowns:
-        """The knowns of what a function computes from the variables that it names."""
-        return _merged({TIME: True} if name == "time" else self.of(Signal(component.name, name)) for name in names)
-
-    def _search(self, signal: Signal) -> Knowns:
-        component = self.network.components[signal.component]
-        declared = component.declaration.variables[signal.variable]
-        if signal.variable in component.wires:
-            return self._of_wire(component, signal.variable)
-        if isinstance(declared, Input):
-            return {signal: True}
-        if isinstance(declared, State):
-            return self._of_state(component, declared, signal)
-        if isinstance(declared, Parameter):
-            return {signal: True} if self.starts else {}
-        if isinstance(declared, CalculatedParameter):
-            return self._of_writers(component, "calculate", signal) if self.starts else {}
-        return self._of_writers(component, "outputs", signal)
-
-    def _of_writers(self, component: Component, kind: str, signal: Signal) -> Knowns:
-        writers = [f for f in component.declaration.kind(kind) if signal.variable in f.writes]
-        return _merged(self.of_reads(component, f.reads) for f in writers)
-
-    def _of_wire(self, component: Component, port: str) -> Knowns:
-        sources = component.wires[port]
-        found = _merged(self.of(source.whole) for source in sources)
-        same = component.fleet is not None and self.network.components[sources[0].component].fleet == component.fleet
-        whole = sources[0].members is None and not component.is_joined(port)
-        return found if same and whole else dict.fromkeys(found, False)
-
-    def _of_state(self, component: Component, declared: State, signal: Signal) -> Knowns:
-        if self.starts and not self.started.get(signal, True):
-            return self._of_writers(component, "start", signal)
-        visible = self.starts or declared in component.declaration.continuous()
-        return {signal: True} if visible else {}
-
-
-def _merged(parts: Iterable[Knowns]) -> Knowns:
-    merged: Knowns = {}
-    for part in parts:
-        for signal, same_member in part.items():
-            merged[signal] = merged.get(signal, True) and same_member
-    return merged
-
-
-# ---- phases -----------------------------------------------------------------------------------------------------
-
-#: What only FMUs do: EVALUATE while sampled blocks hold what they gave, and the derivatives of all states.
-PHASES = (*tables.PHASES, "HELD", "DERIVATIVES")
-
-
-@dataclass
-class Rows:
-    """The rows of a program, followed by those of HELD and DERIVATIVES.
-
-    phases: of each of PHASES the first row and the one after the last.
-    """
-
-    rows: np.ndarray
-    phases: list[tuple[int, int]]
-
-
-def rows(model: Model) -> Rows:
-    """The program's rows, followed by rows of our own for what only FMUs do."""
-    built = model.program
-    sampled = {name for name, component in model.network.components.items() if component.is_sampled}
-
-    def is_held(row: list[int]) -> bool:
-        return row[tables.KIND] == tables.CALL and built.calls[row[tables.A]].component in sampled
-
-    found = built.rows.tolist()
-    held = [row for row in found[slice(*built.phases["EVALUATE"])] if not is_held(row)]
-    first = [slice(int(bank[tables.FIRST_BEGIN]), int(bank[tables.FIRST_END])) for bank in built.banks]
-    derivatives = [row for part in first for row in found[part]]
-    phases = [built.phases[name] for name in tables.PHASES]
-    for added in (held, derivatives):
-        phases.append((len(found), len(found) + len(added)))
-        found += added
-    return Rows(np.array(found, np.int64).reshape(-1, tables.ROW_WORDS), phases)

@@ -9,9 +9,9 @@ import numpy as np
 
 from cosim.engine import program
 from cosim.engine.simulation import Simulation
-from cosim.errors import CosimError, NotExportable, UnknownBlock, WrongValue, nearest
+from cosim.errors import CosimError, DiagramErrors, NotExportable, UnknownBlock, WrongValue, nearest
 from cosim.wiring import order
-from cosim.wiring.network import Component, Loop, Network, Signal
+from cosim.wiring.network import Component, Network, Signal
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,16 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
         couplings = {port: coupling for port, coupling in component.couplings.items() if port in kept}
         component = replace(component, wires=kept, couplings=couplings, values=values, given=component.given - computed)
         components[name] = _member(component, member - 1) if fleet else component
-    cut = order.ordered(Network(network.diagram, components))
-    if loop := next((item for item in cut.evaluation if isinstance(item, Loop)), None):
-        message = f"an algebraic loop through `{loop.torn[0]}` cannot be exported as one FMU"
-        fix = "export its blocks one by one, and let the importer solve it"
-        raise NotExportable(message, components[loop.torn[0].component].entry.position, fix)
-    return SubNetwork(cut, started)
+    return SubNetwork(_ordered(Network(network.diagram, components)), started)
+
+
+def _ordered(cut: Network) -> Network:
+    """Raises: NotExportable where start values break a loop at initialization, as an importer may give none."""
+    try:
+        return order.ordered(cut)
+    except DiagramErrors as loops:
+        error, fix = loops.errors[0], "export its blocks one by one, and let the importer solve it"
+        raise NotExportable(f"as one FMU, there is an {error.message}", error.position, fix) from None
 
 
 def _checked(network: Network, blocks: Sequence[str]) -> list[str]:

@@ -12,7 +12,7 @@ from cosim.errors import Position
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
 from cosim.terminal.screen import TIED, print_rows, print_warnings, print_wrapped, say
-from cosim.wiring import library
+from cosim.wiring import library, limits
 from cosim.wiring.network import Network
 from cosim.wiring.overview import ComponentOverview, Overview, Wired, describe
 
@@ -111,6 +111,9 @@ def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
     notes = [variable.description]
     if isinstance(variable, Parameter):
         notes.append("required" if variable.start is None else f"default {variable.start}")
+    notes.append(limits.words(variable))
+    if variable.nominal is not None:
+        notes.append(f"nominal {limits.text(variable.nominal)}")
     if only := getattr(variable, "only", ""):
         notes.append(f"takes ports called `{only}`")
     if variable.causality == "output":

@@ -10,6 +10,7 @@ from cosim.authoring.variables import Parameter, Period, State, Variable
 from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue, nearest
 from cosim.language.source import Node
 from cosim.language.values import Value
+from cosim.wiring import limits
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component
 
@@ -59,9 +60,12 @@ def evaluate(draft: Draft) -> None:
         if component.clock:
             own = np.array([float(component.clock.period)])
             component.values.update((period.name, own) for period in declaration.of(Period))
+        misfits = list(limits.misfits(component))
+        for misfit in misfits:
+            draft.problems.add(misfit)
         for variable in (*declaration.of(Parameter), *declaration.startable(), *declaration.guessable()):
             value = draft.values.get((component.name, variable.name))
-            if value is not None:
+            if value is not None and not misfits:
                 _evaluate(draft, component, variable, value)
 
 
@@ -82,15 +86,22 @@ def _numbers(component: Component, variable: Variable, value: Value, fleets: Map
     except CosimError as error:
         if variable.name in component.given:
             raise
-        message = f"block {component.name}: the default of `{variable.name}`: {error.message}"
+        block = f"block {component.name}: "
+        message = f"{block}the default of `{variable.name}`: {error.message.removeprefix(block)}"
         raise type(error)(message, error.position, error.fix) from None
 
 
 def array(component: Component, variable: Variable, value: Value, fleets: Mapping[str, int]) -> np.ndarray:
     """A value as an array (instances or 1, *shape), each member's expressions evaluated with its number i.
 
-    Raises: ExpressionError, WrongValue.
+    Raises: ExpressionError, WrongValue, also where it is beyond a limit.
     """
+    numbers = _array(component, variable, value, fleets)
+    limits.check(component, variable, numbers, value.position)
+    return numbers
+
+
+def _array(component: Component, variable: Variable, value: Value, fleets: Mapping[str, int]) -> np.ndarray:
     shape = component.shape(variable)
     if component.fleet:
         members = _members(variable, value, component.count, shape)

@@ -465,6 +465,61 @@ NAMES = {
     "units of nothing": ("late = Input('n', unit=(), start=1.0)  #!", "0 units", "one for each"),
     "a list of units": ("late = Input(2, unit=['m', 'm'], start=1.0)  #!", "neither a text nor a tuple", "unit="),
     "a number for a unit": ("late = Input(unit=3, start=1.0)  #!", "3 is neither a text nor a tuple", "unit="),
+    "a display unit of another dimension": (
+        "late = Input(unit='rad', display='mm', start=1.0)  #!",
+        "`mm` is of another dimension than `rad`",
+        "deg",
+    ),
+    "a display unit that is none": (
+        "late = Input(unit='m', display='yard', start=1.0)  #!",
+        "unknown unit",
+        "such as|mean",
+    ),
+    "a display unit without a unit": (
+        "late = Input(display='mm', start=1.0)  #!",
+        "no unit that it could stand",
+        "unit=",
+    ),
+    "one display unit for several dimensions": (
+        "late = Input(2, unit=('m', 'rad'), display='mm', start=1.0)  #!",
+        "`mm` is of another dimension than `rad`",
+        "",
+    ),
+    "a nominal value of zero": (
+        "late = Input(nominal=0, start=1.0)  #!",
+        "`nominal` of `late`: 0 is not above 0",
+        "size",
+    ),
+    "a nominal text": ("late = Input(nominal='2', start=1.0)  #!", "'2' is no finite number", "nominal=2.5"),
+    "a nominal integer": ("late = Input(dtype=int, nominal=2, start=1)  #!", "of the type int64 has none", "leave"),
+    "an infinite limit": (
+        "late = Input(max=float('inf'), start=1.0)  #!",
+        "`max` of `late`: inf is no finite",
+        "max=2.5",
+    ),
+    "a truth for a limit": ("late = Input(min=True, start=1.0)  #!", "True is no finite number", "min=2.5"),
+    "limits of truths": (
+        "late = Input(dtype=bool, min=0, start=True)  #!",
+        "of the type bool has none",
+        "leave it out",
+    ),
+    "half an integer": ("late = Input(dtype=int, max=2.5, start=1)  #!", "2.5 is no whole number", "give one"),
+    "limits exchanged": (
+        "late = Input(min=2, max=1, start=1.5)  #!",
+        "`min` of `late`, 2, is above its `max`, 1",
+        "exch",
+    ),
+    "limits exchanged in one element": (
+        "late = Input(2, min=(0.0, 2.0), max=1.0, start=0.5)  #!",
+        "`min` of `late`, 2, is above its `max`, 1",
+        "exchange",
+    ),
+    "too many limits": (
+        "late = Input(2, min=(0, 0, 0), start=1.0)  #!",
+        "3 numbers for the 2 elements",
+        "one for each",
+    ),
+    "limits of a scalar": ("late = Input(min=(0, 0), start=1.0)  #!", "for several elements of a scalar", "one number"),
     "a number for a description": (
         "late = Input(description=3, start=1.0)  #!",
         "`description` of `late` is 3",

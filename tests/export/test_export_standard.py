@@ -105,7 +105,7 @@ ILLEGAL_BETWEEN_STEPS = {
         "doStep of nothing": lambda h: h.step(0, 0.0),
         "doStep beyond the end": lambda h: h.step(0, 2.0),
         "an unknown variable": lambda h: h.fmu.getReal([9999]),
-        "an integer that is none": lambda h: h.fmu.getInteger([1]),
+        "an integer that is none": lambda h: h.fmu.getInteger([2]),
     },
     "3.0": {
         "enterInitializationMode": lambda h: h.fmu.enterInitializationMode(),
@@ -115,9 +115,9 @@ ILLEGAL_BETWEEN_STEPS = {
         "doStep backwards": lambda h: h.step(-STEP, STEP),
         "doStep beyond the end": lambda h: h.step(0, 2.0),
         "an unknown variable": lambda h: h.fmu.getFloat64([9999]),
-        "too many values": lambda h: h.fmu.getFloat64([0], 5),
+        "too many values": lambda h: h.fmu.getFloat64([1], 5),
         "too few values": lambda h: h.fmu.setFloat64([h.variables["u"].valueReference], [1.0]),
-        "a wrong type": lambda h: h.fmu.getInt32([1]),
+        "a wrong type": lambda h: h.fmu.getInt32([2]),
     },
 }
 
@@ -422,7 +422,7 @@ def test_other_platforms_are_built_with_zig(network, folder, name):
     platform = build.PLATFORMS[name]
     with zipfile.ZipFile(path) as archive:
         library = archive.read(f"binaries/{platform.folder(FMI3)}/{path.stem.replace('-', '_')}{platform.suffix}")
-        assert len(archive.namelist()) == 3
+        assert len(archive.namelist()) == 4
     assert library.startswith(MAGIC[platform.system])
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cosim.engine import run
-from cosim.errors import NotExportable
 from cosim.export.exporter import export_fmu
 from tests.engine.test_loops import BLOCKS
 
@@ -66,9 +65,3 @@ def test_a_ring_of_fmi_2_co_simulation_runs_with_its_delay(folder, trajectories,
     got = trajectories(network, "a.y", "b.y", engine=engine)
     assert all(np.isfinite(got[name]).all() for name in ("a.y", "b.y"))
     np.testing.assert_allclose(got["a.y"][0], -0.8, rtol=1e-12)  # at initialization it is solved
-
-
-def test_a_loop_is_not_exported_as_one_fmu(folder):
-    (folder / "d.yaml").write_text(RING.format(method="jacobi"))
-    with pytest.raises(NotExportable, match=r"an algebraic loop through `[ab].y` cannot be exported as one FMU"):
-        export_fmu(run.load(folder / "d.yaml"), ["a", "b"], folder / "both.fmu")

@@ -35,8 +35,12 @@ static Status explain(Instance *i, int32_t status, double time) {
         return tell(i, ERROR, LOG_ERROR, "`%s` is not finite, or beyond 1e100, at t = %g s: try a smaller step", name,
                     time);
     }
-    if (status == ENGINE_UNSOLVED)
-        return tell(i, ERROR, LOG_ERROR, "an algebraic loop has no solution at t = %g s", time);
+    if (status == ENGINE_RESTLESS)
+        return tell(i, ERROR, LOG_ERROR, "events follow each other without end after t = %g s", time);
+    for (uint32_t l = 0; status == ENGINE_UNSOLVED && l < model.n_loops; l++)
+        if (model.loops[l].row == c[ENGINE_AT])
+            return tell(i, ERROR, LOG_ERROR, "no solution was found of the algebraic loop of %s at t = %g s, for %s",
+                        model.loops[l].blocks, time, model.loops[l].torn);
     const int64_t *row = model.rows + c[ENGINE_AT] * ENGINE_ROW_WORDS;
     const int64_t function = row[ENGINE_A];
     uint8_t *frame = i->arena + row[ENGINE_B];
@@ -75,8 +79,8 @@ static Status execute_part(Instance *i, Range range, double time) {
     int64_t *c = i->control;
     c[ENGINE_N_PUBLISHED] = c[ENGINE_N_PUBLISHED32] = 0;
     const Status status = execute(i, range, time);
-    c[ENGINE_N_PUBLISHED] = (int64_t)model.n_published;
-    c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
+    c[ENGINE_N_PUBLISHED] = model.control[ENGINE_N_PUBLISHED];
+    c[ENGINE_N_PUBLISHED32] = model.control[ENGINE_N_PUBLISHED32];
     return status;
 }
 
@@ -120,7 +124,19 @@ static Status initialize(Instance *i) {
     return status;
 }
 
+/* Co-Simulation: whatever is read between two steps, each evaluation of a communication point begins with the same
+ * guess, as that of a run does, so that a loop's solution has the same bits. */
+static void guess_again(Instance *i) {
+    for (uint32_t g = 0; g < model.n_guesses; g++) {
+        const Guess *guess = &model.guesses[g];
+        uint8_t *published = i->arena + guess->offset, *kept = i->arena + guess->kept;
+        memcpy(i->at.guess_kept ? published : kept, i->at.guess_kept ? kept : published, guess->bytes);
+    }
+    i->at.guess_kept = 1;
+}
+
 static Status evaluate(Instance *i) {
+    if (i->interface == CO_SIMULATION) guess_again(i);
     const bool sampled = i->interface == CO_SIMULATION || i->at.sampling;
     const Status status = sampled ? run(i, 0) : execute(i, model.phases[ENGINE_HELD], i->at.time);
     i->at.outputs_stale = status >= ERROR;
@@ -134,7 +150,12 @@ static Status calculate(Instance *i) {
     return status;
 }
 
-static Status provide(Instance *i, Need need) {
+Need need_of(const Instance *i, const Variable *v) {
+    const bool started = i->at.phase == INITIALIZATION && v->kind == CONTINUOUS_STATE;
+    return started ? EVALUATED : (Need)v->need;
+}
+
+Status provide(Instance *i, Need need) {
     Progress *at = &i->at;
     Status status = OK;
     if (need == NOTHING || at->phase & (INSTANTIATED | FAILED)) return OK;
@@ -153,8 +174,7 @@ static Status provide(Instance *i, Need need) {
 }
 
 Status refresh(Instance *i, const Variable *v) {
-    const bool started = i->at.phase == INITIALIZATION && v->kind == CONTINUOUS_STATE;
-    const Need need = started ? EVALUATED : (Need)v->need;
+    const Need need = need_of(i, v);
     if (need > CALCULATED && i->at.phase == STEP && i->at.inputs_set)
         return tell(i, ERROR, LOG_ERROR,
                     "`%s` cannot be read: something was set since the last step, and Co-Simulation computes in steps "
@@ -175,6 +195,15 @@ Status get_states(Instance *i, double *values) {
     return status;
 }
 
+void get_nominals(double *values) {
+    for (uint64_t k = 0; k < model.n_states; k++) values[k] = 1.0;
+    for (uint32_t v = 0; v < model.n_variables; v++) {
+        const Variable *state = &model.variables[v];
+        if (state->kind != CONTINUOUS_STATE || !state->nominal) continue;
+        memcpy(values + (state->offset - model.x) / 8, state->nominal, 8 * (size_t)state->count);
+    }
+}
+
 void set_states(Instance *i, const double *values) {
     if (model.n_states) memcpy(i->arena + model.x, values, 8 * model.n_states);
     i->at.outputs_stale = i->at.derivatives_stale = 1;
@@ -182,6 +211,13 @@ void set_states(Instance *i, const double *values) {
 
 void set_time(Instance *i, double time) {
     i->at.time = time;
+    i->at.outputs_stale = i->at.derivatives_stale = 1;
+}
+
+void move_time(Instance *i, double change) {
+    i->at.time += change;
+    i->at.start += change;
+    i->at.origin += change;
     i->at.outputs_stale = i->at.derivatives_stale = 1;
 }
 
@@ -214,6 +250,8 @@ Status exit_initialization(Instance *i, Phase next) {
     const Status status = provide(i, EVALUATED);
     if (status >= ERROR) return status;
     i->at.phase = next;
+    /* A run evaluates once more at its first communication point, which solves algebraic loops to other last bits. */
+    if (i->interface == CO_SIMULATION) i->at.outputs_stale = 1;
     i->at.sampling = i->interface == MODEL_EXCHANGE && model.n_clocks > 0;
     i->at.next = sample_after(i, 0);
     return worse(status, tell(i, OK, LOG_EVENTS, "initialized at t = %g s", i->at.start));
@@ -293,6 +331,8 @@ Status do_step(Instance *i, double time, double size) {
         return tell(i, DISCARD, LOG_WARNING, "doStep: sampled blocks need a multiple of %g s, not %g s", model.step, size);
     Status status = calculate(i);
     if (status >= ERROR) return status;
+    guess_again(i);
+    at->guess_kept = 0;
     follow(at, time, step);
     status = worse(status, run(i, (int64_t)n * model.grid));
     at->time = time + size;

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { READABLE = ANY_PHASE & ~INSTANTIATED };
+enum { READABLE = ANY_PHASE & ~INSTANTIATED, DIFFERENTIABLE = READABLE & ~FAILED };
 
 #define SELF \
     STANDARD_ARITHMETIC; \
@@ -111,17 +111,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
 
 /* ---- variables ----------------------------------------------------------------------------------------------- */
 
-enum { REALS = 1 << FLOAT64 | 1 << FLOAT32, BOOLEANS = 1 << BOOLEAN, INTEGERS = ~(REALS | BOOLEANS) };
-
-/* The variable of a value reference, if its type is one of `types`. */
-static const Variable *find(Instance *i, const char *function, fmi2ValueReference reference, int types) {
-    if (reference < model.n_scalars) {
-        const Variable *v = &model.variables[model.scalars[reference].variable];
-        if (types >> v->type & 1) return v;
-    }
-    tell(i, ERROR, LOG_ERROR, "%s: there is no such variable with the value reference %u", function, reference);
-    return NULL;
-}
+enum { REALS = 1 << FLOAT64 | 1 << FLOAT32, BOOLEANS = 1 << BOOLEAN, INTEGERS = 0x7FF & ~(REALS | BOOLEANS) };
 
 #define READ(type) { type value; memcpy(&value, place, sizeof value); return value; }
 
@@ -152,12 +142,13 @@ fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference references[], s
     ALLOW(READABLE);
     Status status = OK;
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, __func__, references[k], REALS);
-        if (!v) return fmi2Error;
+        const Item *item = find(i, __func__, references[k], REALS);
+        if (!item) return fmi2Error;
+        const Variable *v = variable_of(item);
         const Status s = refresh(i, v);
         if (s >= ERROR) return (fmi2Status)s;
         if (s > status) status = s;
-        const uint8_t *place = address(i, v, model.scalars[references[k]].element);
+        const uint8_t *place = address(i, v, item->first);
         if (v->type == FLOAT64) {
             memcpy(&values[k], place, sizeof(double));
         } else {
@@ -173,12 +164,13 @@ fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference references[]
     ALLOW(READABLE);
     Status status = OK;
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, __func__, references[k], INTEGERS);
-        if (!v) return fmi2Error;
+        const Item *item = find(i, __func__, references[k], INTEGERS);
+        if (!item) return fmi2Error;
+        const Variable *v = variable_of(item);
         const Status s = refresh(i, v);
         if (s >= ERROR) return (fmi2Status)s;
         if (s > status) status = s;
-        const int64_t value = read_integer(v, address(i, v, model.scalars[references[k]].element));
+        const int64_t value = read_integer(v, address(i, v, item->first));
         if (value < INT32_MIN || value > INT32_MAX)
             return (fmi2Status)tell(i, ERROR, LOG_ERROR, "%s: a value of `%s` does not fit", __func__, v->name);
         values[k] = (fmi2Integer)value;
@@ -190,12 +182,13 @@ fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference references[]
     ALLOW(READABLE);
     Status status = OK;
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, __func__, references[k], BOOLEANS);
-        if (!v) return fmi2Error;
+        const Item *item = find(i, __func__, references[k], BOOLEANS);
+        if (!item) return fmi2Error;
+        const Variable *v = variable_of(item);
         const Status s = refresh(i, v);
         if (s >= ERROR) return (fmi2Status)s;
         if (s > status) status = s;
-        values[k] = *address(i, v, model.scalars[references[k]].element) ? fmi2True : fmi2False;
+        values[k] = *address(i, v, item->first) ? fmi2True : fmi2False;
     }
     return (fmi2Status)status;
 }
@@ -203,16 +196,16 @@ fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference references[]
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Real values[]) {
     ALLOW(WRITABLE);
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, __func__, references[k], REALS);
-        if (!v || settable(i, __func__, v) != OK) return fmi2Error;
-        const uint32_t element = model.scalars[references[k]].element;
+        const Item *item = find(i, __func__, references[k], REALS);
+        if (!item || settable(i, __func__, variable_of(item)) != OK) return fmi2Error;
+        const Variable *v = variable_of(item);
         if (v->type == FLOAT64) {
-            memcpy(address(i, v, element), &values[k], sizeof(double));
+            memcpy(address(i, v, item->first), &values[k], sizeof(double));
         } else {
             const float value = (float)values[k];
-            memcpy(address(i, v, element), &value, sizeof value);
+            memcpy(address(i, v, item->first), &value, sizeof value);
         }
-        was_set(i, v, element, 1);
+        if (was_set(i, __func__, v, item->first, 1) != OK) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -220,12 +213,12 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference references[], s
 fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Integer values[]) {
     ALLOW(WRITABLE);
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, __func__, references[k], INTEGERS);
-        if (!v || settable(i, __func__, v) != OK) return fmi2Error;
-        const uint32_t element = model.scalars[references[k]].element;
-        if (!write_integer(v, address(i, v, element), values[k]))
+        const Item *item = find(i, __func__, references[k], INTEGERS);
+        if (!item || settable(i, __func__, variable_of(item)) != OK) return fmi2Error;
+        const Variable *v = variable_of(item);
+        if (!write_integer(v, address(i, v, item->first), values[k]))
             return (fmi2Status)tell(i, ERROR, LOG_ERROR, "%s: `%s` cannot be %d", __func__, v->name, values[k]);
-        was_set(i, v, element, 1);
+        if (was_set(i, __func__, v, item->first, 1) != OK) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -233,11 +226,11 @@ fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference references[]
 fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference references[], size_t n, const fmi2Boolean values[]) {
     ALLOW(WRITABLE);
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, __func__, references[k], BOOLEANS);
-        if (!v || settable(i, __func__, v) != OK) return fmi2Error;
-        const uint32_t element = model.scalars[references[k]].element;
-        *address(i, v, element) = values[k] != fmi2False;
-        was_set(i, v, element, 1);
+        const Item *item = find(i, __func__, references[k], BOOLEANS);
+        if (!item || settable(i, __func__, variable_of(item)) != OK) return fmi2Error;
+        const Variable *v = variable_of(item);
+        *address(i, v, item->first) = values[k] != fmi2False;
+        if (was_set(i, __func__, v, item->first, 1) != OK) return fmi2Error;
     }
     return fmi2OK;
 }
@@ -292,8 +285,9 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
                                         const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
-    ALLOW(READABLE);
-    return unsupported(i, __func__);
+    ALLOW(DIFFERENTIABLE);
+    return (fmi2Status)directional_derivative(i, __func__, (References){unknowns, n_unknowns},
+                                              (References){knowns, n_knowns}, seed, n_knowns, sensitivity, n_unknowns);
 }
 
 /* ---- Model Exchange ------------------------------------------------------------------------------------------ */
@@ -363,7 +357,7 @@ fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
     ALLOW_IN(MODEL_EXCHANGE, ANY_PHASE & ~INITIALIZATION);
     if (n != model.n_states) return wrong_size(i, __func__, n);
-    for (size_t k = 0; k < n; k++) nominals[k] = 1.0;
+    get_nominals(nominals);
     return fmi2OK;
 }
 

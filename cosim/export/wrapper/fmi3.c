@@ -123,12 +123,6 @@ fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) {
 
 /* ---- variables ----------------------------------------------------------------------------------------------- */
 
-static const Variable *find(Instance *i, const char *function, fmi3ValueReference reference, Type type) {
-    if (reference < model.n_variables && model.variables[reference].type == type) return &model.variables[reference];
-    tell(i, ERROR, LOG_ERROR, "%s: there is no such variable with the value reference %u", function, reference);
-    return NULL;
-}
-
 static fmi3Status wrong_count(Instance *i, const char *function, size_t n) {
     return (fmi3Status)tell(i, ERROR, LOG_ERROR, "%s: %u values are not what the variables have", function, (unsigned)n);
 }
@@ -140,14 +134,15 @@ static fmi3Status get(Instance *i, const char *function, const fmi3ValueReferenc
     Status status = OK;
     size_t done = 0;
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, function, references[k], type);
-        if (!v) return fmi3Error;
+        const Item *item = find(i, function, references[k], 1u << type);
+        if (!item) return fmi3Error;
+        const Variable *v = variable_of(item);
         const Status s = refresh(i, v);
         if (s >= ERROR) return (fmi3Status)s;
         if (s > status) status = s;
-        if (v->count > n_values - done) return wrong_count(i, function, n_values);
-        memcpy((uint8_t *)values + done * size, address(i, v, 0), v->count * size);
-        done += v->count;
+        if (item->count > n_values - done) return wrong_count(i, function, n_values);
+        memcpy((uint8_t *)values + done * size, address(i, v, item->first), item->count * size);
+        done += item->count;
     }
     return done == n_values ? (fmi3Status)status : wrong_count(i, function, n_values);
 }
@@ -158,12 +153,13 @@ static fmi3Status set(Instance *i, const char *function, const fmi3ValueReferenc
     const size_t size = size_of(type);
     size_t done = 0;
     for (size_t k = 0; k < n; k++) {
-        const Variable *v = find(i, function, references[k], type);
-        if (!v || settable(i, function, v) != OK) return fmi3Error;
-        if (v->count > n_values - done) return wrong_count(i, function, n_values);
-        memcpy(address(i, v, 0), (const uint8_t *)values + done * size, v->count * size);
-        was_set(i, v, 0, v->count);
-        done += v->count;
+        const Item *item = find(i, function, references[k], 1u << type);
+        if (!item || settable(i, function, variable_of(item)) != OK) return fmi3Error;
+        if (item->count > n_values - done) return wrong_count(i, function, n_values);
+        const Variable *v = variable_of(item);
+        memcpy(address(i, v, item->first), (const uint8_t *)values + done * size, item->count * size);
+        if (was_set(i, function, v, item->first, item->count) != OK) return fmi3Error;
+        done += item->count;
     }
     return done == n_values ? fmi3OK : wrong_count(i, function, n_values);
 }
@@ -215,7 +211,7 @@ fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference references[], 
     return n ? unsupported(i, __func__) : fmi3OK;
 }
 
-/* ---- dependencies, derivatives: those that the model description does not promise ------------------------------ */
+/* ---- dependencies, derivatives ------------------------------------------------------------------------------- */
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance c, fmi3ValueReference reference, size_t *n) {
     ALLOW(ANY_PHASE);
@@ -232,8 +228,9 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance c, fmi3ValueReference depend
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-    ALLOW(ANY_PHASE);
-    return unsupported(i, __func__);
+    ALLOW(INITIALIZATION | INITIALIZED | TERMINATED);
+    return (fmi3Status)directional_derivative(i, __func__, (References){unknowns, n_unknowns},
+                                              (References){knowns, n_knowns}, seed, n_seed, sensitivity, n_sensitivity);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
@@ -388,7 +385,7 @@ fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 indicators[], size
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominals[], size_t n) {
     ALLOW_IN(MODEL_EXCHANGE, SOLVABLE);
     if (n != model.n_states) return wrong_count(i, __func__, n);
-    for (size_t k = 0; k < n; k++) nominals[k] = 1.0;
+    get_nominals(nominals);
     return fmi3OK;
 }
 

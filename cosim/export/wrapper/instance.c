@@ -24,29 +24,17 @@ static const char *phase_name(uint32_t phase) {
 
 static void set_control(Instance *i) {
     int64_t *c = i->control;
-    memset(c, 0, sizeof i->control);
+    memcpy(c, model.control, sizeof i->control);
     c[ENGINE_ROWS] = (int64_t)(intptr_t)model.rows;
     c[ENGINE_PHASE] = (int64_t)(intptr_t)model.phases;
     c[ENGINE_BANKS] = (int64_t)(intptr_t)model.banks;
     c[ENGINE_FUNCTIONS] = (int64_t)(intptr_t)model.functions;
-    c[ENGINE_STATES] = (int64_t)model.n_states;
-    c[ENGINE_PUBLISHED] = (int64_t)model.published;
-    c[ENGINE_N_PUBLISHED] = (int64_t)model.n_published;
-    c[ENGINE_PUBLISHED32] = (int64_t)model.published32;
-    c[ENGINE_N_PUBLISHED32] = (int64_t)model.n_published32;
-    c[ENGINE_X] = (int64_t)model.x;
-    c[ENGINE_W] = (int64_t)model.w;
-    c[ENGINE_BEGUN] = (int64_t)model.begun;
-    c[ENGINE_SUM] = (int64_t)model.sum;
-    c[ENGINE_D] = (int64_t)model.d;
-    c[ENGINE_SLOPES] = (int64_t)model.slopes;
-    c[ENGINE_GRID] = model.grid;
-    c[ENGINE_CLOCKS] = (int64_t)model.clocks;
-    c[ENGINE_N_CLOCKS] = model.n_clocks;
+    c[ENGINE_LOOPS] = (int64_t)model.n_loops;
 }
 
 Instance *instance_new(const char *name, const char *token, Interface interface) {
     if (!name || !token || strcmp(token, model.token)) return NULL;
+    if (interface == MODEL_EXCHANGE && model.control[ENGINE_N_INDICATORS]) return NULL; /* as the description says */
     Instance *i = calloc(1, sizeof *i);
     if (!i) return NULL;
     i->name = malloc(strlen(name) + 1);
@@ -59,7 +47,6 @@ Instance *instance_new(const char *name, const char *token, Interface interface)
     i->arena = (uint8_t *)(((uintptr_t)i->memory + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT);
     i->interface = interface;
     i->categories = LOG_WARNING | LOG_ERROR;
-    set_control(i);
     instance_reset(i);
     return i;
 }
@@ -78,6 +65,7 @@ void instance_reset(Instance *i) {
         memcpy(i->arena + segment->offset, model.words + segment->first, 8 * (size_t)segment->words);
     }
     memset(&i->at, 0, sizeof i->at);
+    set_control(i);
     i->at.phase = INSTANTIATED;
     i->at.tick = model.tick;
     i->at.calculate_stale = i->at.outputs_stale = i->at.derivatives_stale = 1;
@@ -144,19 +132,64 @@ uint8_t *address(Instance *i, const Variable *v, uint32_t element) {
     return i->arena + v->offset + element * size_of(v->type);
 }
 
+const Item *find(Instance *i, const char *function, uint32_t reference, uint32_t types) {
+    const Item *item = reference - 1 < model.n_items ? &model.items[reference - 1] : NULL;
+    if (item && types >> variable_of(item)->type & 1) return item;
+    tell(i, ERROR, LOG_ERROR, "%s: there is no such variable with the value reference %u", function, reference);
+    return NULL;
+}
+
 Status settable(Instance *i, const char *function, const Variable *v) {
     if (v->settable & i->at.phase) return OK;
     return tell(i, ERROR, LOG_ERROR, "%s: `%s` cannot be set %s", function, v->name, phase_name(i->at.phase));
 }
 
-void was_set(Instance *i, const Variable *v, uint32_t element, uint32_t count) {
+#define READ(type) { type value; memcpy(&value, place, sizeof value); return (double)value; }
+
+double number_at(const Instance *i, const Variable *v, uint32_t element) {
+    const uint8_t *place = i->arena + v->offset + element * size_of(v->type);
+    switch (v->type) {
+    case FLOAT64: READ(double)
+    case FLOAT32: READ(float)
+    case INT8: READ(int8_t)
+    case INT16: READ(int16_t)
+    case UINT16: READ(uint16_t)
+    case INT32: READ(int32_t)
+    case UINT32: READ(uint32_t)
+    case INT64: READ(int64_t)
+    case UINT64: READ(uint64_t)
+    default: READ(uint8_t)
+    }
+}
+
+void put_number(Instance *i, const Variable *v, uint32_t element, double value) {
+    uint8_t *place = i->arena + v->offset + element * size_of(v->type);
+    const float single = (float)value;
+    if (v->type == FLOAT64) memcpy(place, &value, sizeof value);
+    if (v->type == FLOAT32) memcpy(place, &single, sizeof single);
+}
+
+static Status within_limits(Instance *i, const char *function, const Variable *v, uint32_t element, uint32_t count) {
+    for (uint32_t e = element; e < element + count; e++) {
+        const double value = number_at(i, v, e);
+        if (v->min && !(value >= v->min[e]))
+            return tell(i, ERROR, LOG_ERROR, "%s: `%s` is %g, below its minimum, %g", function, v->name, value, v->min[e]);
+        if (v->max && !(value <= v->max[e]))
+            return tell(i, ERROR, LOG_ERROR, "%s: `%s` is %g, above its maximum, %g", function, v->name, value, v->max[e]);
+    }
+    return OK;
+}
+
+Status was_set(Instance *i, const char *function, const Variable *v, uint32_t element, uint32_t count) {
     const size_t size = size_of(v->type);
     const uint64_t first = v->offset + element * size, bytes = count * size;
     Progress *at = &i->at;
+    /* Inputs and states may leave theirs while an importer iterates, so FMI wants them to be taken. */
+    if (v->kind == PARAMETER && within_limits(i, function, v, element, count) != OK) return ERROR;
     if (v->kind == PARAMETER) at->calculate_stale = 1;
     at->outputs_stale = at->derivatives_stale = 1;
     if (at->phase == STEP) at->inputs_set = 1;
-    if (!(at->phase & (INSTANTIATED | INITIALIZATION))) return;
+    if (!(at->phase & (INSTANTIATED | INITIALIZATION))) return OK;
     for (uint32_t s = 0; s < model.n_started; s++) {
         const Started *started = &model.started[s];
         if (first < started->offset || first >= started->offset + started->bytes) continue;
@@ -164,4 +197,5 @@ void was_set(Instance *i, const Variable *v, uint32_t element, uint32_t count) {
         memcpy(shadow, i->arena + first, bytes);
         memset(shadow + started->bytes, 1, bytes);
     }
+    return OK;
 }

@@ -42,6 +42,7 @@ typedef struct {
     uint8_t inputs_set;  /* Co-Simulation: something was set after the last step */
     uint8_t sampling;    /* Model Exchange: a sample instant is being handled in Event Mode */
     uint8_t stop_defined;
+    uint8_t guess_kept;  /* Co-Simulation: outputs were evaluated after the last step */
     double time;         /* as the importer counts it (s) */
     double start, stop;
     double origin;       /* the grid of inner steps: tick k is at origin + (k - origin_tick) * tick */
@@ -79,12 +80,21 @@ bool allowed_in(Instance *, const char *function, Interface, unsigned phases);
 /* Turn log categories on or off; with no names, all. */
 Status set_categories(Instance *, bool on, size_t n, const char *const names[]);
 
+/* What a value reference stands for, if its type is one of `types`, a bit for each; else NULL, and the instance fails. */
+const Item *find(Instance *, const char *function, uint32_t reference, uint32_t types);
+static inline const Variable *variable_of(const Item *item) { return &model.variables[item->variable]; }
 /* See that a variable's value is current. */
 Status refresh(Instance *, const Variable *);
+/* What has to be computed before a variable can be read now, and computing it, whatever has been set. */
+Need need_of(const Instance *, const Variable *);
+Status provide(Instance *, Need);
 /* Whether a variable may be set now; if not, the instance fails. */
 Status settable(Instance *, const char *function, const Variable *);
-/* What follows from having set `count` elements of a variable. */
-void was_set(Instance *, const Variable *, uint32_t element, uint32_t count);
+/* What follows from having set `count` elements of a variable; an error where a parameter is beyond its limits. */
+Status was_set(Instance *, const char *function, const Variable *, uint32_t element, uint32_t count);
+/* A number of any type; of 64-bit integers the nearest. */
+double number_at(const Instance *, const Variable *, uint32_t element);
+void put_number(Instance *, const Variable *, uint32_t element, double value); /* of the types FLOAT64 and FLOAT32 */
 /* FNV-1a. */
 #define HASH_BEGIN 14695981039346656037u
 uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size);
@@ -101,9 +111,19 @@ Status complete_step(Instance *, bool *event);
 /* Model Exchange: the time of the next sample instant; false if there is none. */
 bool next_event(Instance *, double *time);
 void set_time(Instance *, double time);
+void move_time(Instance *, double change); /* and all that is counted from it */
 void set_states(Instance *, const double *values);
 Status get_states(Instance *, double *values);
 Status get_derivatives(Instance *, double *values);
+void get_nominals(double *values);
+
+/* Directional derivatives, see derivatives.c. DISCARD where there are none here. */
+typedef struct {
+    const uint32_t *references;
+    size_t n;
+} References;
+Status directional_derivative(Instance *, const char *function, References unknowns, References knowns,
+                              const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity);
 
 /* FMU states: one block of memory, the same as its serialized form. */
 size_t snapshot_size(void);

@@ -30,16 +30,16 @@ typedef struct {
     uint8_t need;
     uint8_t settable;
     uint8_t kind; /* a Kind */
+    const double *nominal, *min, *max; /* of every element, or NULL */
 } Variable;
 
 /* DISCRETE_OUTPUT: one that is no real, and changes whenever what it is computed from does. */
 typedef enum { TIME, PARAMETER, CONTINUOUS_STATE, DISCRETE_OUTPUT, OTHER } Kind;
 
-/* FMI 2: one element of a variable. */
+/* What a value reference stands for: elements of a variable. Value references count the items from 1. */
 typedef struct {
-    uint32_t variable;
-    uint32_t element;
-} Scalar;
+    uint32_t variable, first, count;
+} Item;
 
 /* Rows begin … end-1 of the program. */
 typedef struct {
@@ -52,6 +52,17 @@ typedef struct {
     int64_t row;
     uint64_t offset, bytes, shadow;
 } Started;
+
+/* An algebraic loop that the row solves: its blocks, and what it is solved for. */
+typedef struct {
+    int64_t row;
+    const char *blocks, *torn;
+} Unsolved;
+
+/* What algebraic loops are solved for, and where it is kept as it was before it was evaluated at this point. */
+typedef struct {
+    uint64_t offset, bytes, kept;
+} Guess;
 
 /* Words of the arena that are not zero at first. */
 typedef struct {
@@ -76,9 +87,14 @@ typedef struct {
     const char *const *labels; /* of each function: the block and the function's name */
     const char *const *blocks; /* of each function: the block */
 
+    const Unsolved *loops;
+    uint32_t n_loops;
+    const Guess *guesses;
+    uint32_t n_guesses;
+
+    const int64_t *control; /* the words of a control block that are no addresses */
     uint64_t n_states;
-    uint64_t x, w, begun, sum, d, slopes; /* the vectors of states, see loop.py */
-    uint64_t published, n_published, published32, n_published32; /* what else has to be finite */
+    uint64_t x, d; /* the vectors of states and derivatives, see loop.py */
 
     const Started *started;
     uint32_t n_started;
@@ -87,8 +103,8 @@ typedef struct {
 
     const Variable *variables;
     uint32_t n_variables;
-    const Scalar *scalars; /* FMI 2 only */
-    uint32_t n_scalars;
+    const Item *items;
+    uint32_t n_items;
 } Model;
 
 extern const Model model;

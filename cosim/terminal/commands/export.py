@@ -5,11 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from cosim.errors import CosimError, UnknownBlock
+from cosim.errors import UnknownBlock
 from cosim.machine import files
-from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
-from cosim.wiring.network import Network
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,10 +18,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fmi", choices=("2.0", "3.0"), default="3.0", help="version of the standard")
     parser.add_argument("--platform", metavar="P,P", help="such as linux-x86_64,windows-x86_64 (default: this one)")
     parser.add_argument("--member", type=int, default=1, metavar="I", help="whose values are the start values")
+    parser.add_argument("--scalars", action="store_true", help="FMI 3 without arrays: x[1], A[1,2] as in FMI 2")
+    parser.add_argument(
+        "--author", default="", metavar="NAME", help="who made it; this and what follows stands in the FMU"
+    )
+    parser.add_argument("--model-version", default="", metavar="V", help="version of the model, such as 1.2")
+    parser.add_argument("--copyright", default="", metavar="TEXT", help='such as "(C) 2026 A. Author"')
+    parser.add_argument("--license", default="", metavar="TEXT", help="its name, such as BSD-3-Clause")
+    parser.add_argument("--license-file", type=Path, metavar="FILE", help="its text, which goes into the FMU")
+    parser.add_argument(
+        "--date", default="", metavar="TIME", help="now, or ISO 8601 (default: SOURCE_DATE_EPOCH, else none)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the FMU and say what is in it."""
+    from cosim.export.about import About
     from cosim.export.exporter import export_fmu, refuse_foreign
 
     blocks = [name for name in options.blocks.split(",") if name]
@@ -35,19 +45,15 @@ def run(options: argparse.Namespace) -> int:
     refuse_foreign(output)
     files.require_ending(output, "an FMU", "fmu")
     platforms = options.platform.split(",") if options.platform else None
+    about = About(
+        author=options.author,
+        version=options.model_version,
+        copyright=options.copyright,
+        license=options.license,
+        license_file=options.license_file,
+        date=options.date,
+    )
     network = load_network(options)
-    path = export_fmu(network, blocks, output, options.fmi, platforms, options.member)
+    path = export_fmu(network, blocks, output, options.fmi, platforms, options.member, options.scalars, about)
     print(f"wrote {path} ({path.stat().st_size / 1024:.0f} kB, FMI {options.fmi})")
-    if unbounded := _unbounded(network, blocks):
-        names = ", ".join(f"`{name}`" for name in unbounded)
-        screen.print_warnings(
-            [CosimError(f"{names} may be NaN or infinite, which cosim and other importers refuse of an FMU")]
-        )
     return 0
-
-
-def _unbounded(network: Network, blocks: list[str]) -> list[str]:
-    """The exported outputs that mean something by NaN or infinity."""
-    components = [component for name, component in network.components.items() if not blocks or name in blocks]
-    variables = [(s.name, v) for s in components for v in s.declaration.variables.values()]
-    return [f"{block}.{v.name}" for block, v in variables if v.causality == "output" and not v.finite]
