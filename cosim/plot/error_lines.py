@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -9,12 +10,19 @@ from cosim.plot import style
 
 
 def draw(steps: Sequence[float], errors: Mapping[str, Sequence[float]], output: Path) -> None:
-    """Draw each figure's relative errors at the steps (s); zeros have no place. Raises: PlotError."""
+    """Draw each figure's relative errors at the steps (s); zeros and infinities have no place. Raises: PlotError."""
     with style.style() as pyplot:
         figure, axis = pyplot.subplots(figsize=(style.COLUMN * 1.35, 3.2))
         for k, (name, found) in enumerate(errors.items()):
-            points = [(step, error) for step, error in zip(steps, found, strict=True) if error > 0.0]
-            axis.loglog(*zip(*points, strict=True), marker="o", markersize=3, label=name, **style.line(k))
+            points = [(step, error) for step, error in zip(steps, found, strict=True) if 0.0 < error < math.inf]
+            axis.loglog(
+                [step for step, _ in points],
+                [error for _, error in points],
+                marker="o",
+                markersize=3,
+                label=name,
+                **style.line(k),
+            )
         axis.set_xlabel("step (s)")
         axis.set_ylabel("error, relative to the figure")
         axis.set_xticks(steps, [f"{step:g}" for step in steps])

@@ -59,29 +59,26 @@ def run(options: argparse.Namespace) -> int:
             made = certificate.certify(runs, wanted)
         except NoCertificate as error:
             return _none(error, options)
-    if options.plot:
-        error_lines.draw(made.steps, _relative(made), options.plot)
     if options.json:
         print(json.dumps(for_json(made.as_json()), ensure_ascii=False))
     else:
         accuracy_display.show(made)
+    if options.plot:
+        error_lines.draw(made.steps, _relative(made), options.plot)
     return UNCERTAIN if made.changing else DONE
 
 
 def _none(error: NoCertificate, options: argparse.Namespace) -> int:
     if options.json:
-        print(
-            json.dumps({"diagram": str(options.diagram), "status": "failed", "error": str(error)}, ensure_ascii=False)
-        )
+        content = {"diagram": str(options.diagram), "status": "failed", "error": str(error)}
+        print(json.dumps(content, ensure_ascii=False))
     screen.print_errors(error)
     return UNCERTAIN
 
 
 def _relative(made: Certificate) -> dict[str, list[float]]:
     """The errors that can be drawn, of each metric at all steps. Raises: PlotError if there are none."""
-    metrics = {
-        name: accuracy for name, accuracy in made.metrics.items() if accuracy.size and max(accuracy.errors) > 0.0
-    }
+    metrics = {name: accuracy for name, accuracy in made.metrics.items() if accuracy.relative}
     if not metrics:
         raise PlotError("no metric has an error that could be drawn", fix="leave --plot out")
     return {name: [error / accuracy.size for error in accuracy.errors] for name, accuracy in metrics.items()}
