@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.authoring.variables import Indicator, Local, State
+from cosim.authoring.variables import Local, State
 from cosim.engine import faults
 from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
@@ -84,7 +84,7 @@ def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> Bloc
 
 def restless(program: Program, time: float) -> BlockFailed:
     """The error for events of which one followed another without end, in the step after a time (s)."""
-    names = [name for name, c in program.network.components.items() if any(c.declaration.of(Indicator))]
+    names = [component.name for component in program.network.watched]
     message = f"block {', '.join(names)}: events follow each other without end after t = {time:g} s"
     fix = "reset what the indicator is computed from, so that it does not cross zero again at once"
     return BlockFailed(message, program.network.components[names[0]].entry.position, fix)

@@ -155,7 +155,7 @@ class Layout(Allocation):
 
     def _lay_out_indicators(self) -> None:
         """All indicators side by side, several times: see CROSSINGS."""
-        several = [(c, v) for c in self.network.components.values() for v in c.declaration.of(Indicator)]
+        several = [(c, v) for c in self.network.watched for v in c.declaration.of(Indicator)]
         self.indicators = sum(c.count * c.nbytes(v) for c, v in several) // 8
         for name in CROSSINGS:
             self.crossings[name] = self.allocate(8 * self.indicators)

@@ -33,7 +33,7 @@ from cosim.errors import FmuError
 from cosim.master import newton, tables
 from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
-from cosim.wiring.network import Component, Loop, Network, Signal, Task
+from cosim.wiring.network import Loop, Network, Signal, Task
 
 NEVER = 1 << 62  # a tick that no run reaches
 METHODS = {
@@ -264,7 +264,7 @@ def _write_attempts(writer: Writer) -> Attempts:
     """SAVE, REJECT, REPEAT, KEEP, which are empty where no step is judged or repeated. Raises: FmuError."""
     network, layout = writer.network, writer.layout
     several = [(c, port) for c in network.components.values() for port in c.couplings if not c.is_late(port)]
-    run, stuck = network.diagram.run, [c for c in network.components.values() if not _can_go_back(c)]
+    run, stuck = network.diagram.run, network.stuck
     steep = any(c.couplings[port].order > 1 for c, port in several) and not stuck
     needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback) or layout.indicators
     if needed and stuck:
@@ -302,7 +302,7 @@ def _write_events(writer: Writer) -> Watched:
     """INDICATORS and EVENT: what is reset takes its next value once all functions have seen what there was."""
     components, layout = writer.network.components, writer.layout
     begin = writer.begin()
-    for component in components.values():
+    for component in writer.network.watched:
         writer.call_kind(component, "indicators")
     writer.phase("INDICATORS", begin)
     begin = writer.begin()
@@ -322,8 +322,3 @@ def _write_events(writer: Writer) -> Watched:
             wanted += [float(CROSSINGS[indicator.crossing])] * size
         rows.append([first, len(wanted), clock])
     return Watched(layout.constant(np.array(rows, np.int64)), len(rows), layout.constant(np.array(wanted)))
-
-
-def _can_go_back(component: Component) -> bool:
-    """Whether a step of a component can be done anew."""
-    return not component.declaration.foreign or bool(component.declaration.kind("restore"))

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from cosim.authoring.declaration import Function
-from cosim.authoring.variables import Indicator
 from cosim.compiling.frame import frame_of
 from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout
@@ -50,8 +49,7 @@ class Writer:
         self.loops: dict[int, Loop] = {}
         self._tableaus: dict[str, int] = {}
         self._clocks = {clock: k + 1 for k, clock in enumerate(self.network.schedule.clocks)}
-        watching = [c.name for c in self.network.components.values() if any(c.declaration.of(Indicator))]
-        self.watching = {name: len(self._clocks) + k + 1 for k, name in enumerate(watching)}
+        self.watching = {c.name: len(self._clocks) + k + 1 for k, c in enumerate(self.network.watched)}
 
     def begin(self) -> int:
         """Where the next row goes."""

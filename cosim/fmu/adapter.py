@@ -22,7 +22,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.fmu.event_mode import communication_step, enter_event_mode, leave_event_mode, reals_of, settle
-from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
+from cosim.fmu.exchange import begin_events, differentiate, end_events, indicate, prepare, pull_states
 from cosim.fmu.fields import (
     ADVANCE,
     BEGIN_EVENTS,
@@ -49,11 +49,14 @@ from cosim.fmu.fields import (
     FIRST,
     FRAME_WORDS,
     GET,
+    GO_BACK,
     HANDLE,
+    INDICATE,
     INFO,
     INFO_REAL,
     INITIAL,
     INSTANCE,
+    KEEP_STATE,
     KIND,
     LAST_TIME_STATUS,
     LINK,
@@ -81,6 +84,7 @@ from cosim.fmu.fields import (
     WARNING,
     WARNINGS,
 )
+from cosim.fmu.going_back import go_back, keep_state
 from cosim.fmu.transfer import bad, get_outputs, give_up, set_inputs
 from cosim.machine.memory import integers_at, reals_at, words_at
 
@@ -101,6 +105,9 @@ def adapt(time: float, base: int, frame: int) -> int:
     DIFFERENTIATE   Model Exchange: derivatives from time, states and inputs
     BEGIN_EVENTS    Model Exchange: look for events of the step that ends now, and go into Event Mode for them
     END_EVENTS      Model Exchange: handle them with the inputs of this point; they may change states
+    KEEP_STATE      keep the FMU state, and what of ours goes with it
+    GO_BACK         be in the state again that is kept
+    INDICATE        Model Exchange: event indicators from time, states and inputs
     ==============  ====================================================================================
     """
     link = words_at(words_at(frame, FIRST)[LINK], LINK_WORDS)
@@ -143,6 +150,12 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
         return begin_events(time, base, link, plan, f, r, info, k)
     if task == END_EVENTS:
         return end_events(time, base, link, plan, f, r, info, k)
+    if task == KEEP_STATE:
+        return keep_state(link, r, k)
+    if task == GO_BACK:
+        return go_back(link, r, k)
+    if task == INDICATE:
+        return indicate(time, base, link, plan, f, r, info, k)
     if task == EXCHANGE:
         if r[ENDS] != 0:
             return get_outputs(base, link, plan, f, r, k)

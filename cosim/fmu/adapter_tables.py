@@ -21,6 +21,9 @@ _TASKS = {
     "derivatives": fields.DIFFERENTIATE,
     "events": fields.BEGIN_EVENTS,
     "settle": fields.END_EVENTS,
+    "save": fields.KEEP_STATE,
+    "restore": fields.GO_BACK,
+    "indicators": fields.INDICATE,
 }
 _OUTPUT_TASKS = {
     fields.CO_SIMULATION: fields.GET,
@@ -45,6 +48,7 @@ class AdapterTables:
         self._keep: list[Any] = []
         self._rows: dict[int, list[str]] = {}
         self._shadows: dict[str, np.ndarray] = {}
+        self._kept: list[np.ndarray] = []  # what belongs to a state that is kept
 
     def _array(self, *shape: int) -> np.ndarray:
         """Zeroed words."""
@@ -75,13 +79,18 @@ class AdapterTables:
         link[fields.ENDING], link[fields.AGAIN] = loop.ending, loop.again
         link.view(np.float64)[fields.START_TIME] = fmu.settings.start_time
         self._functions(link)
+        link[fields.SNAPSHOTS] = self._array(len(self._handles)).ctypes.data
+        self._kept.append(link[fields.ENDED : fields.ENDED + 1])
 
     def _records(self, states: int, signs: int) -> int:
         count = len(self._handles)
         records = self._array(count, fields.RECORD_WORDS)
         records[:, fields.HANDLE] = np.array(self._handles, np.uint64).view(np.int64)
         for word, size in ((fields.INDICATOR_VALUES, signs), (fields.END_STATES, states), (fields.SLOPES, states)):
-            records[:, word] = [row.ctypes.data for row in self._array(count, size)]
+            several = self._array(count, size)
+            records[:, word] = [row.ctypes.data for row in several]
+            self._kept.append(several)
+        self._kept.append(records)
         return records.ctypes.data
 
     def _functions(self, link: np.ndarray) -> None:
@@ -109,6 +118,8 @@ class AdapterTables:
         plan[fields.OUTPUTS], plan[fields.N_OUTPUTS] = self._row_table(outputs, slots, "Get")
         if states and states <= slots.keys():
             plan[fields.STATE_MAP] = self._map(slots, "")
+        if function.kind == "indicators":
+            plan[fields.INDICATOR_SLOT] = slots[fields.EVENT_INDICATORS]
         if function.kind == "derivatives":
             plan[fields.DERIVATIVE_MAP] = self._map(slots, "d_")
         every = {n for f in self._component.declaration.kind("outputs") for n in self._wired(f)}
@@ -121,7 +132,7 @@ class AdapterTables:
 
     def _outputs(self, function: Any) -> list[str]:
         """What a call gets from the FMU: states, and what somebody looks at."""
-        if function.kind in ("begin", "events", "settle"):
+        if function.kind in ("begin", "events", "settle", "indicators"):
             return []
         states = {name for name, _ in self._fmu.states}
         return [
@@ -179,7 +190,16 @@ class AdapterTables:
         """Where the value of a discrete input is kept that the FMU has now; one for all calls."""
         if name not in self._shadows:
             self._shadows[name] = self._array(-(-len(self._handles) * size // 8))
+            self._kept.append(self._shadows[name])
         return self._shadows[name].ctypes.data
+
+    def finish(self, link: np.ndarray) -> None:
+        """Fill in what belongs to a state that is kept, once all calls are planned."""
+        table = self._array(len(self._kept), fields.KEPT_WORDS)
+        for row, kept in zip(table, self._kept, strict=True):
+            row[fields.FROM], row[fields.WORDS] = kept.ctypes.data, kept.size
+            row[fields.COPIED] = self._array(kept.size).ctypes.data
+        link[fields.KEPT], link[fields.N_KEPT] = table.ctypes.data, len(table)
 
     def variables(self, row: int) -> list[str]:
         """The variables that the row or part at an address is for."""

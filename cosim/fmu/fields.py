@@ -15,7 +15,7 @@ TERMINATED_STATUS, LAST_TIME_STATUS = 3, 2  # fmi2StatusKind
 COUNT, LINK, PLAN, FIRST = range(INSTANCES, INSTANCES + 4)
 
 # What all calls of a block share. Functions are addresses, 0 where the FMU has none.
-LINK_WORDS = 48
+LINK_WORDS = 56
 (
     VERSION,
     KIND,
@@ -60,9 +60,20 @@ LINK_WORDS = 48
     LEAVE,  # the address of _exit()
     AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
     START_TIME,  # what the FMU's clock shows at the loop's time 0, a float64 (s)
-) = range(43)
+    GET_FMU_STATE,
+    SET_FMU_STATE,
+    SNAPSHOTS,  # the address of a pointer to the FMU state that each instance has kept
+    KEPT,  # the address of a table of what of ours belongs to it: KEPT_WORDS each
+    N_KEPT,
+) = range(48)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
+
+EVENT_INDICATORS = "event indicators"  # as a variable of a block; no variable of an FMU is called so
+
+# What of ours belongs to a state that is kept: an address, how many words there are, and where they are kept.
+KEPT_WORDS = 3
+FROM, WORDS, COPIED = range(KEPT_WORDS)
 
 # One instance. INFO is four words for what a call hands back: fmi2EventInfo, and the same layout for FMI 3.
 RECORD_WORDS = 20
@@ -88,8 +99,8 @@ RUNNING, EVENT = range(2)
 INFO_REAL = 24  # bytes from INFO to the number in it
 
 # What one call exchanges. The maps give (slot, element) for each state in the FMU's order.
-PLAN_WORDS = 9
-FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK = range(9)
+PLAN_WORDS = 10
+FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK, INDICATOR_SLOT = range(10)
 
 # One call of a getter or a setter: its value references, how many values, and the variables whose values they are, one
 # after the other in a buffer (0: those of one variable, as they lie in the arena). DISCRETE: all with shadows.
@@ -108,3 +119,4 @@ ROUNDING = 1e-9  # of a communication step: what rounding may do to a time
 
 # What a call does for each instance.
 NOTHING, INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, BEGIN_EVENTS, END_EVENTS = range(10)
+KEEP_STATE, GO_BACK, INDICATE = range(10, 13)

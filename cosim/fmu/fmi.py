@@ -31,6 +31,11 @@ INTEGRATING = {
 }
 
 
+def states(get: str, set_: str) -> dict[int, str]:
+    """The functions with which an FMU keeps a state and goes back to it, by the word of the link."""
+    return {fields.GET_FMU_STATE: get, fields.SET_FMU_STATE: set_}
+
+
 class ValueType(NamedTuple):
     """A type of variables: our data type, how values travel, the word in the names of getter and setter."""
 

@@ -41,8 +41,12 @@ class Fmi2(fmi.Version):
         },
     }
     optional: ClassVar = {
-        fields.CO_SIMULATION: {fields.BOOLEAN_STATUS: "GetBooleanStatus", fields.REAL_STATUS: "GetRealStatus"},
-        fields.MODEL_EXCHANGE: {},
+        fields.CO_SIMULATION: {
+            fields.BOOLEAN_STATUS: "GetBooleanStatus",
+            fields.REAL_STATUS: "GetRealStatus",
+            **fmi.states("GetFMUstate", "SetFMUstate"),
+        },
+        fields.MODEL_EXCHANGE: fmi.states("GetFMUstate", "SetFMUstate"),
     }
 
     def reads(self, version: str) -> bool:

@@ -40,7 +40,7 @@ class Fmi3(fmi.Version):
         },
         fields.MODEL_EXCHANGE: fmi.INTEGRATING,
     }
-    optional: ClassVar = {kind: {} for kind in functions}
+    optional: ClassVar = {kind: fmi.states("GetFMUState", "SetFMUState") for kind in functions}
 
     def reads(self, version: str) -> bool:
         """As of `Version`."""

@@ -24,7 +24,7 @@ from typing import Any
 from cosim.authoring.block import Block
 from cosim.authoring.declaration import Declaration, Function
 from cosim.authoring.rules import condition
-from cosim.authoring.variables import Input, Local, Output, Parameter, State, Variable
+from cosim.authoring.variables import Indicator, Input, Local, Output, Parameter, State, Variable
 from cosim.errors import FmuError, UnknownPort, WrongValue, nearest
 from cosim.fmu import adapter, archive, fields, log_file, settings, versions
 from cosim.fmu.description import read_description
@@ -199,6 +199,10 @@ def _declaration(fmu: Fmu, entry: BlockEntry) -> Declaration:
         sampled=_samples(fmu) and not _computed(fmu, "continuous"),
         most_instances=_most_instances(fmu),
     )
+    indicators = fmu.description.numberOfEventIndicators
+    if fmu.kind == fields.MODEL_EXCHANGE and indicators and fmu.interface.canGetAndSetFMUstate:
+        variables[fields.EVENT_INDICATORS] = watched = Indicator(indicators)
+        watched.name = fields.EVENT_INDICATORS
     declaration.functions = _functions(fmu, declaration, states)
     declaration.rules = tuple(_rules(fmu, declaration, entry))
     return declaration
@@ -263,6 +267,8 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     for k, (known, names) in enumerate(_grouped(calculated, fmu.initial_inputs_of, inputs)):
         functions.append(_function(f"start_{k}", "start", known, names))
     functions.append(_function("begin", "begin", inputs, states))
+    if fields.EVENT_INDICATORS in declaration.variables:
+        functions.append(_function("indicators", "indicators", (*reads, *inputs), [fields.EVENT_INDICATORS]))
     if fmu.kind == fields.MODEL_EXCHANGE:
         functions.append(_function("events", "events", (), states))
         functions.append(_function("settle", "settle", inputs, states))
@@ -272,6 +278,8 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
             functions.append(_function("derivatives", "derivatives", reads, derivatives))
     else:
         functions.append(_function("step", "step", inputs, []))
+    if fmu.interface.canGetAndSetFMUstate:
+        functions += [_function("save", "save", (), ()), _function("restore", "restore", (), ())]
     return tuple(functions)
 
 

@@ -85,6 +85,7 @@ class Instances:
             for call, frame in zip(self.calls, self.frames(), strict=True):
                 link, plan = self.trace.link.ctypes.data, self._tables.plan(call)
                 words_at(frame, fields.FIRST)[fields.LINK :] = link, plan
+            self._tables.finish(self.trace.link)
         except BaseException:
             self.close(terminate=False)
             raise

@@ -13,7 +13,7 @@ from typing import TypeGuard
 import numpy as np
 
 from cosim.authoring.declaration import Declaration, Function
-from cosim.authoring.variables import Input, State, Variable
+from cosim.authoring.variables import Indicator, Input, State, Variable
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
 from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import BlockEntry, Diagram
@@ -256,6 +256,18 @@ class Network:
         names = sorted(self.function(task).writes) if task.function else [task.port]
         return [Signal(task.component, name) for name in names]
 
+    @cached_property
+    def stuck(self) -> list[Component]:
+        """The foreign blocks that cannot go back to a state, so that no step can be done anew."""
+        foreign = [component for component in self.components.values() if component.declaration.foreign]
+        return [component for component in foreign if not component.declaration.kind("restore")]
+
+    @cached_property
+    def watched(self) -> list[Component]:
+        """The components with event indicators; foreign ones look for themselves where no step can be done anew."""
+        several = [c for c in self.components.values() if any(c.declaration.of(Indicator))]
+        return [c for c in several if not (c.declaration.foreign and self.stuck)]
+
     def flows(self, component: Component, port: str) -> bool:
         """Whether what an input reads is real and changes between two samples, so that there are values in between."""
         sources = (self.components[source.component] for source in component.wires[port])
@@ -295,5 +307,5 @@ class Network:
 
 
 def _can_record(variable: Variable) -> bool:
-    """Inputs are other blocks' signals, and texts are no signals."""
-    return not isinstance(variable, Input) and not variable.dtype.hasobject
+    """Inputs are other blocks' signals, and texts and event indicators are no signals."""
+    return not isinstance(variable, (Indicator, Input)) and not variable.dtype.hasobject
