@@ -60,6 +60,17 @@ def test_a_jump_of_a_signal_between_recorded_times_is_no_error_at_them(certified
     assert certified(SIGNALS, "blocks.s.parameters.T=0.86001", "record.period=0.02").signals["s.y"].kind == ROUNDING
 
 
+def test_a_signal_that_is_as_wrong_with_all_nested_steps_is_told_by_another(certified):
+    """A switch at 0.8862 s is seen at 0.88 s with steps of 40, 20 and 10 ms, and the signal is off from there on."""
+    text = """
+    run: {stop: 2, step: 0.04, method: gauss-seidel}
+    blocks: {a: {type: Decay, parameters: {k: 0}, inputs: {u: s.y}}, s: {type: Switched, parameters: {T: 0.8862}}}
+    record: {period: 0.4, signals: [a.x]}
+    """
+    found = certified(text).signals["a.x"]
+    assert found.kind == NO_ORDER and found.error >= 2 * 0.0062
+
+
 def test_a_jump_that_moves_over_a_recorded_time_is_an_error_of_its_size(certified):
     """What slides changes its sign at every step."""
     text = """
