@@ -7,9 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.authoring.variables import Parameter, State, Variable
-from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue, nearest
+from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue
 from cosim.language.source import Node
 from cosim.language.values import Value
+from cosim.wiring import meaning
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component
 
@@ -37,7 +38,8 @@ def _take_given(
                 draft.values[component.name, name] = value
         else:
             message = f"block {component.name}: {component.declaration.name} has no {kind} `{name}`"
-            draft.problems.add(UnknownParameter(message, node.key_position, nearest(name, known)))
+            fix = meaning.usual_fix(component.declaration, name, known)
+            draft.problems.add(UnknownParameter(message, node.key_position, fix))
 
 
 def _take_default(draft: Draft, component: Component, variable: Variable) -> None:
@@ -88,6 +90,22 @@ def array(component: Component, variable: Variable, value: Value, fleets: Mappin
 
     Raises: ExpressionError, WrongValue.
     """
+    if variable.items:
+        return _of_items(variable, value, _array(component, variable, value.with_items(variable.items), fleets))
+    return _array(component, variable, value, fleets)
+
+
+def _of_items(variable: Variable, value: Value, numbers: np.ndarray) -> np.ndarray:
+    """The numbers of an enumeration. Raises: WrongValue for one that no item has."""
+    known = [*variable.items.values(), *np.ravel([] if variable.start is None else variable.start)]
+    wrong = numbers[~np.isin(numbers, known)]
+    if wrong.size:
+        items = ", ".join(f"{name} = {number}" for name, number in variable.items.items())
+        raise WrongValue(f"no item of `{variable.name}` is {wrong[0]}", value.position, f"one of: {items}")
+    return numbers
+
+
+def _array(component: Component, variable: Variable, value: Value, fleets: Mapping[str, int]) -> np.ndarray:
     shape = component.shape(variable)
     if component.fleet:
         members = _members(variable, value, component.count, shape)
