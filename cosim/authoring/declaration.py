@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -42,7 +42,8 @@ class Declaration:
     before outputs are evaluated) and ``settle`` (they end, with the inputs of this communication point). They may be
     `sampled`: what they give changes at communication points only.
 
-    home: the class itself. mistakes: all that contradicts itself in the class, except inside its functions.
+    home: the class itself. mistakes: all that contradicts itself in the class, except inside its functions. elsewhere:
+    what became of names that a foreign block has and this does not.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Declaration:
     most_instances: int | None = None
     home: type | None = None
     mistakes: tuple[CosimError, ...] = ()
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, *classes: type[AnyVariable]) -> Iterator[AnyVariable]:
         """The variables of the given classes, in the order of their declaration."""

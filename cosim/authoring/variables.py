@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +31,8 @@ class Variable:
 
     causality: ClassVar[str]
     any_integer = False  # whether it takes the integer type of the port at the other end, as FMI 2's one type does
+    items: Mapping[str, int] = MappingProxyType({})  # of an enumeration: the values that it can have, by name
+    structural = False  # whether sizes of ports follow from it
 
     def __init__(
         self,

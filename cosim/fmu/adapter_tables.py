@@ -35,7 +35,7 @@ _OUTPUT_TASKS = {
 class AdapterTables:
     """Tables that live as long as this.
 
-    fmu: a `cosim.fmu.importer.Fmu`. component: its block in the network. handles: its instances' addresses. wanted:
+    fmu: a `cosim.fmu.imported.Fmu`. component: its block in the network. handles: its instances' addresses. wanted:
     what somebody looks at.
     """
 
@@ -61,14 +61,13 @@ class AdapterTables:
     def link(self, link: np.ndarray, loop: LoopWords) -> None:
         """Fill the link, with a record for each instance. loop: how it steps. Raises: FmuError."""
         fmu = self._fmu
-        indicators = fmu.description.numberOfEventIndicators if fmu.kind == fields.MODEL_EXCHANGE else 0
-        states, signs = max(1, len(fmu.states)), max(1, indicators)
+        states, signs = max(1, len(fmu.states)), max(1, fmu.indicators)
         self._keep.append(own())
         link[fields.ALONE] = self._keep[-1].ctypes.data
         link[fields.LEAVE] = c_library.address("_exit")
         link[fields.VERSION], link[fields.KIND] = fmu.version.number, fmu.kind
         link[fields.RECORDS] = self._records(states, signs)
-        link[fields.STATES], link[fields.INDICATORS] = len(fmu.states), indicators
+        link[fields.STATES], link[fields.INDICATORS] = len(fmu.states), fmu.indicators
         link[fields.BUFFER] = self._array(states).ctypes.data
         link[fields.SIGNS] = self._array(signs).ctypes.data
         link[fields.WORK] = self._array((2 + loop.stages) * states).ctypes.data

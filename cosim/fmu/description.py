@@ -31,16 +31,28 @@ def _read(folder: Path) -> Any:
     from fmpy.model_description import ValidationError, read_model_description
     from lxml import etree
 
-    version = etree.parse(str(folder / archive.DESCRIPTION)).getroot().get("fmiVersion", "none")
+    root = etree.parse(str(folder / archive.DESCRIPTION)).getroot()
+    version = root.get("fmiVersion", "none")
     try:
         versions.find(version)
     except LookupError:
         message = f" is of FMI version {version}; FMI 2.0 and 3.0 can be run"
         raise FmuError(message, fix="export the FMU for FMI 2.0 or 3.0") from None
     try:
-        return read_model_description(str(folder), validate=False)
+        description = read_model_description(str(folder), validate=False)
     except ValidationError as error:
         raise FmuError(f": {'; '.join(error.problems)}", fix="export the FMU again") from None
     except Exception as error:  # noqa: BLE001  # fmpy raises all sorts
         message = f": its model description cannot be read: {type(error).__name__}: {error}"
         raise FmuError(message, fix="export the FMU again") from None
+    texts = _texts(root)
+    for variable in description.modelVariables:  # of whose texts FMPy reads the first
+        variable.start = texts.get((variable.alias or variable).name, variable.start)
+    return description
+
+
+def _texts(root: Any) -> dict[str, list[str]]:
+    """The start values of FMI 3's texts and binary data, by variable."""
+    rows = root.iterfind("ModelVariables/*")
+    starts = {row.get("name"): [start.get("value") for start in row.findall("Start")] for row in rows}
+    return {name: texts for name, texts in starts.items() if texts}

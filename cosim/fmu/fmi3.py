@@ -28,6 +28,7 @@ class Fmi3(fmi.Version):
         "Enumeration": ValueType(np.int64, fields.PLAIN, "Int64"),
         "Boolean": ValueType(np.bool_, fields.PLAIN, "Boolean"),
         "String": ValueType(object, fields.PLAIN, "String"),
+        "Binary": ValueType(object, fields.PLAIN, "Binary"),
     }
     functions: ClassVar = {
         fields.CO_SIMULATION: fmi.STEPPING,

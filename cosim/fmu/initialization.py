@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.authoring.variables import Input, Parameter
 from cosim.errors import WrongValue
-from cosim.fmu import fields, messages
+from cosim.fmu import binary_data, fields, messages
 from cosim.fmu.fmi import NewInstance
 from cosim.fmu.handles import Handles
 from cosim.fmu.ports import Port
@@ -20,7 +20,7 @@ from cosim.fmu.trace import FmuTrace
 class Initialization:
     """The first calls of the instances of a block.
 
-    fmu: a `cosim.fmu.importer.Fmu`. component: its block in the network. members: which of its instances, from 0.
+    fmu: a `cosim.fmu.imported.Fmu`. component: its block in the network. members: which of its instances, from 0.
     """
 
     def __init__(self, fmu: Any, component: Any, members: range, trace: FmuTrace, handles: Handles) -> None:
@@ -57,12 +57,20 @@ class Initialization:
         Raises: FmuError, FmuFailed, WrongValue.
         """
         fmu = self._fmu
+        self._configure(k, {name for name, port in fmu.ports.items() if port.is_structural})
         for call in fmu.version.setup(fmu.settings.experiment):
             self._handles.call(k, *call)
-        inputs = {name for name, port in fmu.ports.items() if port.causality == "input"}
-        self._set_given(k, fmu.ports.keys() - inputs)
+        inputs = {name for name, port in fmu.ports.items() if port.first.causality == "input"}
+        self._set_given(k, {name for name, port in fmu.ports.items() if not port.is_structural} - inputs)
         self._handles.call(k, *fmu.version.entry(fmu.settings.experiment))
         self._set_given(k, inputs - self._component.wires.keys())  # the loop sets those that are wired
+
+    def _configure(self, k: int, names: Collection[str]) -> None:
+        """Give instance k those structural parameters that the diagram gives other values than the FMU has."""
+        if any(name in self._component.values and self._is_given(name, self._fmu.ports[name]) for name in names):
+            self._handles.call(k, "EnterConfigurationMode")
+            self._set_given(k, names)
+            self._handles.call(k, "ExitConfigurationMode")
 
     def _set_given(self, k: int, names: Collection[str]) -> None:
         """Set those of these variables of instance k that the diagram gives other values than the FMU does."""
@@ -77,7 +85,9 @@ class Initialization:
         variable = component.declaration.variables[name]
         if isinstance(variable, (Parameter, Input)):
             own = port.start()
-            return name in component.given or own is None or bool(np.any(component.values[name] != np.array(own)))
+            if name in component.given or own is None:
+                return name in component.given or not port.is_text
+            return bool(np.any(component.values[name] != np.array(own, port.dtype)))
         if name in component.given and not port.can_start:
             message = f"block {component.name}: `{self._fmu.name}` calculates `{name}`, which has no start value"
             raise WrongValue(message, component.entry.start[name].position, "remove this start value")
@@ -85,13 +95,18 @@ class Initialization:
 
     def _set(self, k: int, name: str, port: Port, value: np.ndarray) -> None:
         references = np.array(port.references, np.uint32)
-        if port.is_string:
-            data: Any = (ctypes.c_char_p * 1)(str(value).encode())
+        sizes: tuple[int, ...] = ()
+        if port.is_text:
+            texts = [str(text) for text in np.asarray(value, object).reshape(-1)]
+            raw = [binary_data.read(text) if port.is_binary else text.encode() for text in texts]
+            lengths = np.array([len(data) for data in raw], np.uint64)
+            sizes = (lengths.ctypes.data,) if port.is_binary else ()
+            data: Any = (ctypes.c_char_p * len(raw))(*raw)
             address = ctypes.addressof(data)
         else:
             narrow = port.code in (fields.INTEGER32, fields.BOOLEAN32)
             data = np.ascontiguousarray(value, np.int32 if narrow else port.dtype)
             address = data.ctypes.data
         counts = self._fmu.version.counts(port.size)
-        arguments = (references.ctypes.data, len(references), address, *counts)
+        arguments = (references.ctypes.data, len(references), *sizes, address, *counts)
         self._handles.call(k, f"Set{port.accessor}", *arguments, about=f"`{name}`")

@@ -11,10 +11,10 @@ import numpy as np
 from cosim.errors import CosimError, FmuError
 from cosim.fmu import archive, fields, versions
 from cosim.fmu.description import read_description
-from cosim.fmu.importer import Fmu
-from cosim.fmu.importer import dependencies as read_dependencies
+from cosim.fmu.imported import Fmu
 from cosim.fmu.ports import Port, ports
 from cosim.fmu.settings import FmuSettings
+from cosim.fmu.structure import dependencies as read_dependencies
 from cosim.language.keys import MODES
 
 _SECTIONS = ("input", "output", "parameter", "calculatedParameter", "local")

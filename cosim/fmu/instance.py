@@ -36,7 +36,7 @@ class Instances:
 
     Making this calls nothing of the FMU, so that the process which does can be watched from here: see `trace`.
 
-    fmu: a `cosim.fmu.importer.Fmu`. component, calls: its block in the network and its calls in the program. arena: of
+    fmu: a `cosim.fmu.imported.Fmu`. component, calls: its block in the network and its calls in the program. arena: of
     this run. loop: how it steps. wanted: what somebody looks at. zeros: gives the memory of the trace.
     members: which of the component's instances, from 0.
     """

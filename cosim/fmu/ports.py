@@ -1,10 +1,12 @@
 """The variables of a model description as ports: FMI 2's scalars gathered into arrays, FMI 3's arrays as they are.
 
-Each has the type that the framework sees, and the way its values travel.
+Each has the type that the framework sees, and the way its values travel. Texts and binary data are no signals: they are
+parameters here, also where FMI calls them inputs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
 from typing import Any
@@ -21,7 +23,11 @@ _LARGEST_REFERENCE = 2**32 - 1
 
 @dataclass(frozen=True)
 class Port:
-    """One variable as we see it. members: the FMU's variables behind it, in row-major order (one for FMI 3)."""
+    """One variable as we see it.
+
+    members: the FMU's variables behind it, in row-major order (one for FMI 3). resized: whether the diagram gives it
+    another shape than the description's start value has.
+    """
 
     name: str
     members: tuple[Any, ...]
@@ -29,6 +35,7 @@ class Port:
     dtype: np.dtype
     code: int
     accessor: str
+    resized: bool = False
 
     @property
     def first(self) -> Any:
@@ -37,14 +44,24 @@ class Port:
 
     @property
     def causality(self) -> str:
-        """FMI's."""
-        causality: str = self.first.causality
-        return causality
+        """As a diagram sees it."""
+        fmi: str = self.first.causality
+        return "parameter" if self.is_structural or (self.is_text and fmi == "input") else fmi
 
     @property
-    def is_string(self) -> bool:
-        """Whether it is text, which parameters only can be."""
+    def is_structural(self) -> bool:
+        """Whether shapes of ports follow from it."""
+        return bool(self.first.causality == "structuralParameter")
+
+    @property
+    def is_text(self) -> bool:
+        """Whether it is text, or binary data written as one, which parameters only can be."""
         return self.dtype == object
+
+    @property
+    def is_binary(self) -> bool:
+        """Whether it is binary data, which is written in hexadecimal digits."""
+        return bool(self.first.type == "Binary")
 
     @property
     def is_discrete(self) -> bool:
@@ -52,9 +69,15 @@ class Port:
         return bool(self.first.variability == "discrete")
 
     @property
+    def is_calculated(self) -> bool:
+        """Whether the FMU calculates where it starts."""
+        return any(member.initial == "calculated" for member in self.members)
+
+    @property
     def can_start(self) -> bool:
         """Whether its start value may be set."""
-        return self.first.initial in ("exact", "approx") and self.first.variability != "constant"
+        exact = all(member.initial in ("exact", "approx") for member in self.members)
+        return exact and self.first.variability != "constant"
 
     @property
     def references(self) -> list[int]:
@@ -71,14 +94,24 @@ class Port:
         """The number of values of each of the FMU's variables."""
         return self.size // len(self.members)
 
+    def items(self) -> dict[str, int]:
+        """The items of an enumeration by name; none of anything else. Raises: FmuError where one has no number."""
+        declared = self.first.declaredType
+        try:
+            return {item.name: int(item.value) for item in declared.items} if declared is not None else {}
+        except (TypeError, ValueError):
+            message = f"an item of `{declared.name}`, the type of its variable `{self.name}`, has no number"
+            raise FmuError(message, fix="export the FMU again") from None
+
     def start(self) -> Any:
         """The start value that the description gives, as nested lists; None without one."""
-        texts = [member.start for member in self.members]
-        if any(text is None for text in texts):
+        starts = [member.start for member in self.members]
+        if self.resized or any(start is None for start in starts):
             return None
-        if self.is_string:
-            return texts[0]
-        values = [self._number(word) for text in texts for word in text.split()]
+        if self.is_text:
+            values: list[Any] = [text for start in starts for text in (start if isinstance(start, list) else [start])]
+        else:
+            values = [self._number(word) for text in starts for word in text.split()]
         if len(values) == 1:
             return values[0]
         return np.array(values, self.dtype).reshape(self.shape).tolist() if len(values) == self.size else None
@@ -114,20 +147,31 @@ def _unit(member: Any) -> str | None:
         return None
 
 
-def ports(description: Any) -> dict[str, Port]:
-    """The ports of a model description by name. Raises: FmuError where sizes make no sense."""
+def ports(description: Any, sizes: Mapping[str, int] | None = None) -> dict[str, Port]:
+    """The ports of a model description by name; sizes: what the diagram gives structural parameters.
+
+    Raises: FmuError where sizes make no sense.
+    """
     _check_references(description.modelVariables)
     version = versions.find(description.fmiVersion)
-    usable = [v for v in description.modelVariables if _is_usable(v, version.types)]
+    usable = [v for v in description.modelVariables if not why_unusable(v)]
     found = {}
-    for name, (members, shape) in version.groups(usable).items():
+    for name, (members, given_shape) in version.groups(usable).items():
         dtype, code, accessor = version.types[members[0].type]
-        if prod(shape) > MOST_ELEMENTS or any(size < 1 for size in shape):
+        shape = _shape(members[0], sizes or {}) if members[0].dimensions else given_shape
+        if prod(shape) > MOST_ELEMENTS or any(size < (0 if sizes else 1) for size in shape):
             raise FmuError(f"its variable `{name}` has the size {shape}", fix="export the FMU again")
-        if np.dtype(dtype) == object and shape:
-            continue
-        found[name] = Port(name, members, shape, np.dtype(dtype), code, accessor)
+        if prod(shape):
+            found[name] = Port(name, members, shape, np.dtype(dtype), code, accessor, shape != given_shape)
     return found
+
+
+def _shape(variable: Any, sizes: Mapping[str, int]) -> tuple[int, ...]:
+    """The shape of FMI 3's array."""
+    return tuple(
+        d.start if d.variable is None else sizes.get(d.variable.name, int(d.variable.start))
+        for d in variable.dimensions
+    )
 
 
 def _check_references(variables: Any) -> None:
@@ -138,10 +182,20 @@ def _check_references(variables: Any) -> None:
             raise FmuError(f"{message}, which is no unsigned number of 32 bits", fix="export the FMU again")
 
 
-def _is_usable(variable: Any, types: dict[str, Any]) -> bool:
-    """Whether a variable can be a port: no clocks, no binary data, no aliases, no structural parameters."""
-    if variable.type not in types or variable.alias is not None or variable.clocks:
-        return False
-    if variable.causality in ("independent", "structuralParameter"):
-        return False
-    return variable.type != "String" or (variable.causality == "parameter" and not variable.shape)
+def why_unusable(variable: Any) -> str:
+    """Why a variable cannot be a port; "" if it can."""
+    if variable.type == "Clock":
+        return "is a clock"
+    if variable.clocks:
+        return "belongs to a clock"
+    if variable.causality == "independent":
+        return "is the time"
+    if variable.type in ("String", "Binary") and variable.causality not in ("parameter", "input"):
+        return f"is {'text' if variable.type == 'String' else 'binary data'}, which is no signal"
+    return ""
+
+
+def hidden(description: Any, found: Mapping[str, Port]) -> dict[str, str]:
+    """Why the variables are no ports that are not among those found."""
+    ours = {member.name for port in found.values() for member in port.members}
+    return {v.name: why_unusable(v) or "has no elements" for v in description.modelVariables if v.name not in ours}

@@ -22,7 +22,7 @@ _NAMES, _NAME_BYTES = 64, 56
 class FmuTrace:
     """The link that the adapter keeps, the names of the FMU's functions, and each instance's last messages.
 
-    fmu: a `cosim.fmu.importer.Fmu`. members: which of the component's instances these are, from 0.
+    fmu: a `cosim.fmu.imported.Fmu`. members: which of the component's instances these are, from 0.
     """
 
     def __init__(self, fmu: Any, component: Any, members: range, zeros: Callable[[int], np.ndarray]) -> None:

@@ -328,14 +328,14 @@ class _Composer:
 
 
 def _whole(text: str) -> int | float:
-    """An integer; one that no 64-bit integer holds as a float."""
+    """An integer; one that no integer of 64 bits holds, with a sign or without, as a float."""
     base = {"0o": 8, "0x": 16}.get(text[:2], 10)
     if base == 10 and len(text) > 25:
         return float(text)
     value = int(text, base)
     if value.bit_length() > 1023:
         return math.inf
-    return value if abs(value) < 1 << 63 else float(value)
+    return value if -(1 << 63) < value < 1 << 64 else float(value)
 
 
 def _holds(text: str, value: float) -> bool:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from cosim.errors import ExpressionError, Position, WrongShape, WrongType, WrongValue
+from cosim.errors import ExpressionError, Position, WrongShape, WrongType, WrongValue, nearest
 from cosim.language import expression
 from cosim.language.source import Node
 
@@ -69,10 +69,27 @@ class Value:
             return [part._evaluate(dtype, names) for part in self.content]  # noqa: SLF001  # of this class
         return self._number(dtype, names)
 
+    def _text(self) -> str:
+        if not isinstance(self.content, str):  # YAML has read 007 as 7, and nobody knows any more how it was written
+            word = str(self.content).lower() if isinstance(self.content, bool) else self.content
+            raise WrongType(f"`{word}` is no text", self.position, "put it between quotation marks")
+        return self.content
+
+    def with_items(self, items: Mapping[str, int]) -> Value:
+        """With the numbers of an enumeration's items in the place of their names. Raises: WrongValue."""
+        if isinstance(self.content, list):
+            return replace(self, content=[part.with_items(items) for part in self.content])
+        if isinstance(self.content, str) and self.content in items:
+            return replace(self, content=items[self.content])
+        if isinstance(self.content, str) and not _is_arithmetic(self.content):
+            message = f"`{self.content}` is none of the items {', '.join(f'`{name}`' for name in items)}"
+            raise WrongValue(message, self.position, nearest(self.content, items))
+        return self
+
     def _number(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
         number = self.content
-        if dtype.hasobject:  # a text
-            return str(number)
+        if dtype.hasobject:
+            return self._text()
         if dtype.kind == "b" and number not in (0, 1):
             raise WrongType(f"`{number}` is neither true nor false", self.position, "write true or false")
         if dtype.kind != "b" and isinstance(number, bool):
@@ -92,3 +109,12 @@ class Value:
         if dtype.kind == "f" and math.isfinite(number) and abs(number) > float(np.finfo(dtype).max):
             raise WrongValue(f"{number:g} does not fit {dtype}", self.position, f"at most {np.finfo(dtype).max:g}")
         return dtype.type(number)
+
+
+def _is_arithmetic(text: str) -> bool:
+    """Whether a text is an expression, perhaps in the number of a fleet's member."""
+    try:
+        expression.check(text, expression.OF_A_FLEET)
+    except ExpressionError:
+        return False
+    return True

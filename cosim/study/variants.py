@@ -296,7 +296,8 @@ def address_of(network: Network, path: str) -> Address | None:
     classes = Parameter if parts[2] == "parameters" else (State, Input)
     for end in range(len(parts), 3, -1):
         name, rest = ".".join(parts[3:end]), parts[end:]
-        known = isinstance(component.declaration.variables.get(name), classes)
+        variable = component.declaration.variables.get(name)
+        known = isinstance(variable, classes) and not variable.structural
         if known and name not in component.wires and all(part.isdecimal() for part in rest):
             return Address(Signal(parts[1], name), parts[2], tuple(map(int, rest)))
     return None

@@ -10,6 +10,7 @@ from cosim.errors import Position, Problems, UnknownBlock, UnknownFleet, Unknown
 from cosim.language.entry import BlockEntry
 from cosim.language.reader import endpoint
 from cosim.language.source import Node
+from cosim.wiring import meaning
 from cosim.wiring.network import Component, port_and_members
 
 _PLACES = 8
@@ -43,7 +44,7 @@ class Absent:
             (node, taker), others = _sorted(uses)
             message = f"block {taker}: {source.name} ({name}) has no output `{port}`"
             message += f", which others name at {others}" if others else ""
-            fix = nearest(port, outputs) or "it has no outputs"
+            fix = meaning.usual_fix(source, port, outputs) or "it has no outputs"
             if (whole := port.partition("[")[0]) in outputs:
                 fix = f"members are counted from 1, such as {whole}[2] or {whole}[1..3]"
             problems.add(UnknownPort(message, node.position, fix))

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.authoring.variables import Parameter, Period, State, Variable
-from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue, nearest
+from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue
 from cosim.language.source import Node
 from cosim.language.values import Value
-from cosim.wiring import limits
+from cosim.wiring import limits, meaning
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component
 
@@ -38,7 +38,8 @@ def _take_given(
                 draft.values[component.name, name] = value
         else:
             message = f"block {component.name}: {component.declaration.name} has no {kind} `{name}`"
-            draft.problems.add(UnknownParameter(message, node.key_position, nearest(name, known)))
+            fix = meaning.usual_fix(component.declaration, name, known)
+            draft.problems.add(UnknownParameter(message, node.key_position, fix))
 
 
 def _take_default(draft: Draft, component: Component, variable: Variable) -> None:
@@ -96,9 +97,21 @@ def array(component: Component, variable: Variable, value: Value, fleets: Mappin
 
     Raises: ExpressionError, WrongValue, also where it is beyond a limit.
     """
-    numbers = _array(component, variable, value, fleets)
+    read = value.with_items(variable.items) if variable.items else value
+    numbers = _array(component, variable, read, fleets)
+    if variable.items:
+        _check_items(variable, value, numbers)
     limits.check(component, variable, numbers, value.position)
     return numbers
+
+
+def _check_items(variable: Variable, value: Value, numbers: np.ndarray) -> None:
+    """Raises: WrongValue for a number that no item of an enumeration has."""
+    known = [*variable.items.values(), *np.ravel([] if variable.start is None else variable.start)]
+    wrong = numbers[~np.isin(numbers, known)]
+    if wrong.size:
+        items = ", ".join(f"{name} = {number}" for name, number in variable.items.items())
+        raise WrongValue(f"no item of `{variable.name}` is {wrong[0]}", value.position, f"one of: {items}")
 
 
 def _array(component: Component, variable: Variable, value: Value, fleets: Mapping[str, int]) -> np.ndarray:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cosim.authoring.variables import Input
-from cosim.errors import UnknownPort, nearest
+from cosim.errors import UnknownPort
 from cosim.language.reader import endpoint
 from cosim.language.source import Node
-from cosim.wiring import windows
+from cosim.wiring import meaning, windows
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Signal
 
@@ -44,4 +44,5 @@ def _check_own_input(draft: Draft, node: Node) -> None:
     inputs = [v.name for v in component.declaration.of(Input)] if component else []
     if component and port not in inputs:
         message = f"`{node.value}`: {component.declaration.name} ({name}) has no input `{port}`"
-        draft.problems.add(UnknownPort(message, node.position, nearest(port, inputs) or "name another block"))
+        fix = meaning.usual_fix(component.declaration, port, inputs) or "name another block"
+        draft.problems.add(UnknownPort(message, node.position, fix))

@@ -19,6 +19,7 @@ from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import BlockEntry, Diagram
 from cosim.language.reader import endpoint
 from cosim.language.swaps import Swap
+from cosim.wiring import meaning
 from cosim.wiring.clocks import Clock, Schedule, schedule
 
 
@@ -295,7 +296,8 @@ class Network:
         variables = {k: v for k, v in self.components[name].declaration.variables.items() if _can_record(v)}
         if port not in variables:
             message = f"`{text}`: block {name} has no variable `{port}` to record"
-            raise UnknownPort(message, position, nearest(port, variables))
+            fix = meaning.usual_fix(self.components[name].declaration, port, variables)
+            raise UnknownPort(message, position, fix)
         return Signal(name, port)
 
     def signals(self) -> Iterator[Signal]:

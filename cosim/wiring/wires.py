@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from cosim.authoring.variables import Input, Local, State
-from cosim.errors import NotWirable, UnconnectedInput, UnknownPort, WrongValue, nearest
+from cosim.errors import NotWirable, UnconnectedInput, UnknownPort, WrongValue
 from cosim.language.reader import endpoint
 from cosim.language.source import Node
+from cosim.wiring import meaning
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component, Signal, port_and_members
 
@@ -21,7 +22,8 @@ def connect(draft: Draft, component: Component) -> None:
             draft.problems.attempt(_check_idle_start, component, name, node)
         elif name not in inputs:
             message = f"block {component.name}: {component.declaration.name} has no input `{name}`"
-            draft.problems.add(UnknownPort(message, node.key_position, nearest(name, inputs)))
+            fix = meaning.usual_fix(component.declaration, name, inputs)
+            draft.problems.add(UnknownPort(message, node.key_position, fix))
     for name in inputs:
         if name not in component.entry.inputs and (component.name, name) not in draft.values:
             draft.problems.add(_unconnected(component, name))

@@ -1,0 +1,32 @@
+"""FMI 3's structural parameters: what a diagram gives them says which shapes ports have, before anything is wired."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cosim.errors import WrongValue
+from cosim.language.entry import BlockEntry
+from cosim.language.source import Node
+from cosim.language.values import Value
+
+
+def sizes(entry: BlockEntry, description: Any) -> dict[str, int]:
+    """The structural parameters to which an entry gives a value, under whatever name it calls them, by their own.
+
+    Raises: WrongType, WrongValue, ExpressionError.
+    """
+    known = {v.name: (v.alias or v).name for v in description.modelVariables if v.causality == "structuralParameter"}
+    names = {ours: node.value for ours, node in entry.ports.items() if isinstance(node.value, str)}
+    given = {names.get(name, name): node for name, node in entry.parameters.items()}
+    return {known[name]: _size(entry, name, node) for name, node in given.items() if name in known}
+
+
+def _size(entry: BlockEntry, name: str, node: Node) -> int:
+    if isinstance(node.value, list):
+        message = f"block {entry.name}: the structural parameter `{name}` needs one value"
+        raise WrongValue(
+            message, node.position, "give one for all members of a fleet, as shapes of ports follow from it"
+        )
+    return int(Value.read(node, f"{entry.name}.{name}").array((), np.dtype(np.uint64), {}))
