@@ -135,7 +135,7 @@ def watch_fmu(path: str, settings: list[str]) -> None:
             compiler.compile_ir(unit.name, unit.sources), unit.name, [s.symbol for s in unit.sources]
         ).read_bytes()
 
-    build.Objects.of = of  # type: ignore[method-assign]
+    build.KernelCode._object = of  # type: ignore[method-assign]
     build._FLAGS += ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined"]
     build._link_flags = lambda platform, path: ["-shared", "-fPIC"]  # the sanitizers' symbols stay open
     network = run.load(path, settings)
@@ -150,7 +150,19 @@ def watch_fmu(path: str, settings: list[str]) -> None:
                     host.step(k * network.diagram.run.step, network.diagram.run.step)
             state = host.state()
             host.restore(state)
+            differentiate(host)
             host.free()
+
+
+def differentiate(host: Any) -> None:
+    """All real outputs by all real inputs, or by time."""
+    real = [v for v in host.variables.values() if v.type in ("Real", "Float64")]
+    outputs, inputs = ([v for v in real if v.causality == kind] for kind in ("output", "input"))
+    knowns = inputs or [v for v in real if v.causality == "independent"]
+    n, m = (sum(int(np.prod(v.shape or 1)) for v in part) for part in (outputs, knowns))
+    more = [n] if host.version == "3.0" else []
+    references = [[v.valueReference for v in part] for part in (outputs, knowns)]
+    host.fmu.getDirectionalDerivative(*references, [1.0] * m, *more)
 
 
 if __name__ == "__main__":

@@ -122,6 +122,20 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
 
     Raises: KernelError where the code needs more than the C library, with the missing symbol's name.
     """
+    machine, module = _optimised(ir, triple, cpu, features, keep, name, vectors=True)
+    compiled: bytes = machine.emit_object(module)
+    return compiled
+
+
+def plain_ir(ir: str, triple: str, cpu: str, keep: Iterable[str], name: str) -> str:
+    """The same, as IR of scalars, which is shorter, and computes the same numbers. Raises: KernelError."""
+    return str(_optimised(ir, triple, cpu, "", keep, name, vectors=False)[1])
+
+
+def _optimised(
+    ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str, vectors: bool
+) -> tuple[Any, Any]:
+    """LLVM's machine for a triple, and the optimised module. vectors: and unrolled loops."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     llvm.initialize_native_asmparser()
@@ -134,13 +148,12 @@ def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], nam
         if not value.is_declaration and value.name not in kept:
             value.linkage = "internal"
             value.visibility = "default"
-    tuning = llvm.create_pipeline_tuning_options(speed_level=3)
-    tuning.loop_vectorization = tuning.slp_vectorization = True
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3 if vectors else 2)
+    tuning.loop_vectorization = tuning.slp_vectorization = tuning.loop_unrolling = vectors
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
     _refuse_foreign(module, name)
-    compiled: bytes = machine.emit_object(module)
-    return compiled
+    return machine, module
 
 
 def _refuse_foreign(module: Any, name: str) -> None:

@@ -13,7 +13,7 @@ import platform as machine
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -21,7 +21,9 @@ from typing import Literal
 from cosim.compiling.adapters import KernelSource, block_source, raw_source
 from cosim.compiling.fingerprint.text import obstacle
 from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
-from cosim.export import c_source
+from cosim.export import sources
+from cosim.export.c_code.c_translation import translate
+from cosim.export.c_code.llvm_reader import Untranslatable
 from cosim.export.model import Model
 from cosim.export.model_description import ModelDescription
 from cosim.fmu.fmi import Version
@@ -29,7 +31,7 @@ from cosim.machine import cache
 from cosim.master import loop
 from cosim.wiring.network import Component
 
-WRAPPER = Path(__file__).parent / "wrapper"
+_HERE = Path(__file__).parent
 _FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter"]
 
 
@@ -110,61 +112,86 @@ def _unit(component: Component, name: str) -> CodeUnit:
     return CodeUnit(name, tuple(replace(s, symbol=f"{name}_{s.symbol}") for s in sources))
 
 
-class Objects:
-    """Object code of units, from the cache or compiled now; the IR of a unit is made once for all platforms."""
+class KernelCode:
+    """The code of units, from the cache or compiled now; the IR of a unit is made once for all that comes of it."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: Model) -> None:
+        self.units, self.symbols = code_units(model)
         self._ir: dict[str, str] = {}
 
-    def of(self, unit: CodeUnit, platform: Platform) -> bytes:
-        """The object code of a unit. Raises: KernelError."""
-        entry = f"fmu-{platform.name}-{self._key(unit, platform)}"
-        code = cache.read(entry)
-        if code is not None:
-            return code
-        from cosim.compiling import compiler
+    def objects(self, platform: Platform) -> dict[str, bytes]:
+        """Object code, by unit. Raises: KernelError."""
+        return {unit.name: self._object(unit, platform) for unit in self.units}
 
-        if unit.name not in self._ir:
-            ir = compiler.compile_ir(unit.name, unit.sources)
-            for symbol in (s.symbol for s in unit.sources):
+    def texts(self) -> dict[str, str]:
+        """C, by unit. Raises: KernelError, NotExportable where there is no C for a kernel."""
+        return {unit.name: self._text(unit) for unit in self.units}
+
+    def _object(self, unit: CodeUnit, platform: Platform) -> bytes:
+        def made() -> bytes:
+            from cosim.compiling import compiler
+
+            ir, symbols = self._ir_of(unit), [s.symbol for s in unit.sources]
+            for symbol in symbols:
                 ir = ir.replace(f"define i32 @{symbol}(", f"define hidden i32 @{symbol}(")
-            self._ir[unit.name] = ir
-        symbols = [s.symbol for s in unit.sources]
-        code = compiler.emit(self._ir[unit.name], platform.triple, platform.cpu, "", symbols, unit.name)
+            return compiler.emit(ir, platform.triple, platform.cpu, "", symbols, unit.name)
+
+        return _cached(unit, f"fmu-{platform.name}", [platform.triple, platform.cpu], made)
+
+    def _text(self, unit: CodeUnit) -> str:
+        def made() -> bytes:
+            from cosim.compiling import compiler
+
+            symbols = [s.symbol for s in unit.sources]
+            platform = PLATFORMS["linux-x86_64"]  # of its properties, byte order and the size of addresses come in
+            try:
+                ir = compiler.plain_ir(self._ir_of(unit), platform.triple, platform.cpu, symbols, unit.name)
+                return translate(ir, unit.name, symbols).encode()
+            except Untranslatable as error:
+                message = f"there is no C for {unit.sources[0].who or unit.name}: {error}"
+                raise NotExportable(message, fix="leave out --sources") from None
+
+        translator = [path.read_text(encoding="utf-8") for path in sorted((_HERE / "c_code").glob("*.py"))]
+        return _cached(unit, "fmu-c", translator, made).decode()
+
+    def _ir_of(self, unit: CodeUnit) -> str:
+        if unit.name not in self._ir:
+            from cosim.compiling import compiler
+
+            self._ir[unit.name] = compiler.compile_ir(unit.name, unit.sources)
+        return self._ir[unit.name]
+
+
+def _cached(unit: CodeUnit, kind: str, facts: Sequence[str], made: Callable[[], bytes]) -> bytes:
+    """What is made of a unit and some facts, once."""
+    parts = [Path(__file__).read_text(encoding="utf-8"), *cache.toolchain(), *facts]
+    parts += [source.symbol + source.fingerprint for source in unit.sources]
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()
+    entry = f"{kind}-{digest[:24]}"
+    code = cache.read(entry)
+    if code is None:
+        code = made()
         if not any(obstacle(source.fingerprint) for source in unit.sources):
             cache.write(entry, code)
-        return code
-
-    def _key(self, unit: CodeUnit, platform: Platform) -> str:
-        parts = [Path(__file__).read_text(), *cache.toolchain(), platform.triple, platform.cpu]
-        parts += [source.symbol + source.fingerprint for source in unit.sources]
-        return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
+    return code
 
 
 # ---- linking ----------------------------------------------------------------------------------------------------
 
 
-def library(description: ModelDescription, token: str, platform: Platform, objects: Objects, folder: Path) -> Path:
+def library(description: ModelDescription, token: str, platform: Platform, kernels: KernelCode, folder: Path) -> Path:
     """The shared library of a model in a work folder. Raises: KernelError, CompilerMissing, BuildFailed."""
-    folder.mkdir(parents=True)
-    parts, symbols = code_units(description.model)
-    (folder / "layout.h").write_text(c_source.layout(), encoding="utf-8")
-    (folder / "model.c").write_text(c_source.model(description, token, symbols), encoding="utf-8")
-    wrapper = ("instance.c", "evaluation.c", "derivatives.c", "snapshot.c", f"{description.version.prefix}.c")
-    files = [str(folder / "model.c"), *(str(WRAPPER / name) for name in wrapper)]
-    for unit in parts:
-        path = folder / f"{unit.name}.o"
-        path.write_bytes(objects.of(unit, platform))
+    for name, text in sources.files(description, token, kernels.symbols, {}).items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    files = [str(folder / sources.main_file(description))]
+    for unit, code in kernels.objects(platform).items():
+        path = folder / f"{unit}.o"
+        path.write_bytes(code)
         files.append(str(path))
     path = folder / f"{description.model.identifier}{platform.suffix}"
-    command = [
-        *compiler(platform),
-        *_FLAGS,
-        *_link_flags(platform, path),
-        f"-I{folder}",
-        f"-I{WRAPPER}",
-        f"-I{headers()}",
-    ]
+    command = [*compiler(platform), *_FLAGS, *_link_flags(platform, path), f"-I{headers()}"]
     _run([*command, "-o", str(path), *files, *(["-lm"] if platform.system == "linux" else [])], platform)
     return path
 

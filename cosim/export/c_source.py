@@ -40,7 +40,7 @@ def model(description: ModelDescription, token: str, kernels: Sequence[str]) -> 
             "",
             "#include <stddef.h>",
             "",
-            *(f"int32_t {name}(double, uint8_t *, int64_t *);" for name in dict.fromkeys(kernels)),
+            *(f"KERNEL int32_t {name}(double, uint8_t *, int64_t *);" for name in dict.fromkeys(kernels)),
             "",
             _array("static const int64_t rows", map(str, done.rows.reshape(-1))),
             _array("static const Range phases", (f"{{{begin}, {end}}}" for begin, end in done.phases)),
@@ -147,7 +147,7 @@ def _items(description: ModelDescription) -> Iterator[str]:
 
 def _constant(exported: Model, token: str, size: int, counts: Mapping[str, int]) -> Iterator[str]:
     built, schedule = exported.program, exported.network.schedule
-    yield "const Model model = {"
+    yield "static const Model model = {"
     yield f"    .token = {_quote(token)},"
     yield f"    .step = {exported.network.diagram.run.step!r},"
     yield f"    .tick = {float(schedule.tick)!r}, .grid = {schedule.grid},"

@@ -23,9 +23,9 @@ from cosim.wiring.network import Component
 SHOWN = 6  # numbers of an array
 
 
-def page(description: ModelDescription, about: About) -> str:
+def page(description: ModelDescription) -> str:
     """The page."""
-    model = description.model
+    model, about = description.model, description.about
     template = Template(resources.files("cosim.export").joinpath("documentation.html").read_text(encoding="utf-8"))
     interface = f"FMI {description.version.name} for Co-Simulation and Model Exchange"
     version = f"cosim {versions().get('cosim', '')}".strip()
@@ -138,5 +138,10 @@ def _settings(description: ModelDescription) -> Iterator[str]:
     if model.program.loops:
         torn = ", ".join(str(signal) for loop in model.program.loops.values() for signal in dict.fromkeys(loop.torn))
         yield f"Algebraic loops are solved by Newton's method at every evaluation, for {torn}."
+    if description.with_sources:
+        yield (
+            f"sources/{model.identifier}.c, which includes all others, compiles to the same as C11 by GCC or Clang, "
+            "with FMI's headers and the C library's mathematical functions."
+        )
     if model.left_out:
         yield f"Left out, as not finite at the initialization: {', '.join(map(str, model.left_out))}."

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cosim.errors import NotExportable, ResultError, nearest
-from cosim.export import build, documentation, subnetwork
+from cosim.export import build, documentation, sources, subnetwork
 from cosim.export.about import About
 from cosim.export.fmi2_description import Fmi2Description
 from cosim.export.fmi3_description import Fmi3Description
@@ -36,6 +36,7 @@ def export_fmu(
     member: int = 1,
     scalars: bool = False,
     about: About | None = None,
+    with_sources: bool = False,
 ) -> Path:
     """Write some blocks of a wired diagram (none: all) as one FMU for Co-Simulation and Model Exchange.
 
@@ -43,6 +44,7 @@ def export_fmu(
     (from 1) as start values; a mixture is exported with arrays over the fleet. Returns the path written.
     platforms: names of `build.PLATFORMS`; this machine's, if none are given. scalars: every element of an array is a
     variable of its own, in FMI 3 too, for importers that know no arrays. about: author, license and the like.
+    with_sources: the FMU holds C files too, which compile to the same without Python.
     Raises: UnknownBlock, NotExportable, WrongValue, MissingFile, KernelError, CompilerMissing, BuildFailed,
     ResultError where something stands at `output` that this function did not write.
     """
@@ -53,19 +55,35 @@ def export_fmu(
     refuse_foreign(output)
     model = describe(subnetwork.cut(network, blocks, member), _identifier(output.stem))
     about = (about or About()).dated()
-    members = about.files()
-    description = DESCRIPTIONS[fmi_version](model, about, scalars)
-    token = _token(description)
-    objects = build.Objects()
-    with tempfile.TemporaryDirectory(prefix="cosim-fmu-") as work:
-        members["modelDescription.xml"] = description.write(token)
-        members["documentation/index.html"] = documentation.page(description, about).encode(errors="backslashreplace")
-        for platform in targets:
-            library = build.library(description, token, platform, objects, Path(work) / platform.name)
-            members[f"binaries/{platform.folder(description.version)}/{library.name}"] = library.read_bytes()
-    _pack(output, members)
+    licenses = about.files()
+    description = DESCRIPTIONS[fmi_version](model, about, scalars, with_sources)
+    _pack(output, {**_members(description, targets), **licenses})
     _tell(model)
     return output
+
+
+def _members(description: ModelDescription, platforms: Sequence[build.Platform]) -> dict[str, bytes]:
+    """What is in the archive, by its paths. Raises: KernelError, CompilerMissing, BuildFailed, NotExportable."""
+    kernels = build.KernelCode(description.model)
+    token = _token(description, kernels)
+    members = {"modelDescription.xml": description.write(token)}
+    members["documentation/index.html"] = documentation.page(description).encode(errors="backslashreplace")
+    if description.with_sources:
+        members |= _sources(description, token, kernels)
+    with tempfile.TemporaryDirectory(prefix="cosim-fmu-") as work:
+        for platform in platforms:
+            library = build.library(description, token, platform, kernels, Path(work) / platform.name)
+            members[f"binaries/{platform.folder(description.version)}/{library.name}"] = library.read_bytes()
+    return members
+
+
+def _sources(description: ModelDescription, token: str, kernels: build.KernelCode) -> dict[str, bytes]:
+    """What stands in the folder `sources`. Raises: KernelError, NotExportable."""
+    texts = sources.files(description, token, kernels.symbols, kernels.texts())
+    found = {f"sources/{name}": text.encode() for name, text in texts.items()}
+    if description.version.name == "3.0":
+        found["sources/buildDescription.xml"] = sources.build_description(description)
+    return found
 
 
 def _tell(model: Model) -> None:
@@ -103,10 +121,9 @@ def _identifier(name: str) -> str:
     return f"_{name}" if not name or name[0].isdigit() else name
 
 
-def _token(description: ModelDescription) -> str:
+def _token(description: ModelDescription, kernels: build.KernelCode) -> str:
     """The same for the same content: of the description, and of the code that computes it."""
-    parts, _ = build.code_units(description.model)
-    code = "".join(source.symbol + source.fingerprint for unit in parts for source in unit.sources)
+    code = "".join(source.symbol + source.fingerprint for unit in kernels.units for source in unit.sources)
     digest = hashlib.sha256(description.write("") + code.encode()).digest()
     return f"{{{uuid.UUID(bytes=digest[:16])}}}"
 

@@ -16,8 +16,8 @@ class Fmi2Description(ModelDescription):
     version = FMI2
     state_phases = 0
 
-    def __init__(self, model: Model, about: About, scalars: bool = True) -> None:
-        super().__init__(model, about, scalars=True)
+    def __init__(self, model: Model, about: About, scalars: bool, with_sources: bool) -> None:
+        super().__init__(model, about, scalars=True, with_sources=with_sources)
 
     def root(self, token: str) -> Element:
         """As of `ModelDescription`."""
@@ -28,9 +28,13 @@ class Fmi2Description(ModelDescription):
             "canSerializeFMUstate": "true",
             "providesDirectionalDerivative": "true",
         }
-        if not self.model.program.layout.indicators:  # whose events Co-Simulation finds by itself
-            SubElement(root, "ModelExchange", common, completedIntegratorStepNotNeeded=truth(not self.step_events))
-        SubElement(root, "CoSimulation", common, canHandleVariableCommunicationStepSize=self.variable_steps)
+        exchange = {"completedIntegratorStepNotNeeded": truth(not self.step_events)}
+        simulation = {"canHandleVariableCommunicationStepSize": self.variable_steps}
+        finds_events = bool(self.model.program.layout.indicators)  # which Co-Simulation does by itself
+        for tag, own in (*(() if finds_events else (("ModelExchange", exchange),)), ("CoSimulation", simulation)):
+            element = SubElement(root, tag, common | own)
+            if self.with_sources:
+                SubElement(SubElement(element, "SourceFiles"), "File", name=f"{self.model.identifier}.c")
         self.units(root)
         self.experiment(root)
         variables = SubElement(root, "ModelVariables")

@@ -52,14 +52,15 @@ class ModelDescription(ABC):
     """A model as a version of FMI describes it.
 
     scalars: whether each element of an array has a value reference of its own. state_phases: those in which a
-    continuous state may be set in the course of a run.
+    continuous state may be set in the course of a run. with_sources: whether the FMU holds C files.
     """
 
     version: ClassVar[Version]
     state_phases: ClassVar[int]
 
-    def __init__(self, model: Model, about: About, scalars: bool) -> None:
+    def __init__(self, model: Model, about: About, scalars: bool, with_sources: bool) -> None:
         self.model = model
+        self.with_sources = with_sources
         self.about = about
         self.scalars = scalars
         self.items: list[Item] = []

@@ -185,13 +185,13 @@ Status refresh(Instance *i, const Variable *v) {
 
 Status get_derivatives(Instance *i, double *values) {
     const Status status = provide(i, DIFFERENTIATED);
-    if (status < ERROR && model.n_states) memcpy(values, i->arena + model.d, 8 * model.n_states);
+    if (status < ERROR && model.n_states > 0) memcpy(values, i->arena + model.d, 8 * model.n_states);
     return status;
 }
 
 Status get_states(Instance *i, double *values) {
     const Status status = i->at.phase == INITIALIZATION ? provide(i, EVALUATED) : OK;
-    if (status < ERROR && model.n_states) memcpy(values, i->arena + model.x, 8 * model.n_states);
+    if (status < ERROR && model.n_states > 0) memcpy(values, i->arena + model.x, 8 * model.n_states);
     return status;
 }
 
@@ -205,7 +205,7 @@ void get_nominals(double *values) {
 }
 
 void set_states(Instance *i, const double *values) {
-    if (model.n_states) memcpy(i->arena + model.x, values, 8 * model.n_states);
+    if (model.n_states > 0) memcpy(i->arena + model.x, values, 8 * model.n_states);
     i->at.outputs_stale = i->at.derivatives_stale = 1;
 }
 

@@ -8,7 +8,7 @@
 
 enum { ALIGNMENT = 64 };
 
-const char *const category_names[N_CATEGORIES] = {"logEvents", "logStatusWarning", "logStatusError"};
+static const char *const category_names[N_CATEGORIES] = {"logEvents", "logStatusWarning", "logStatusError"};
 
 static const char *phase_name(uint32_t phase) {
     switch (phase) {
@@ -161,6 +161,8 @@ double number_at(const Instance *i, const Variable *v, uint32_t element) {
     default: READ(uint8_t)
     }
 }
+
+#undef READ
 
 void put_number(Instance *i, const Variable *v, uint32_t element, double value) {
     uint8_t *place = i->arena + v->offset + element * size_of(v->type);

@@ -1,4 +1,6 @@
-/* One instance of the model behind either standard: its memory, its phase, and what can be done with it. */
+/* One instance of the model behind either standard: its memory, its phase, and what can be done with it.
+ *
+ * An FMU is one C file that includes all others, so that nothing is visible but FMI's functions. */
 #ifndef COSIM_INSTANCE_H
 #define COSIM_INSTANCE_H
 
@@ -33,7 +35,7 @@ typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Interface;
 /* Log categories; the names are in `category_names`. */
 enum { LOG_EVENTS = 1, LOG_WARNING = 2, LOG_ERROR = 4, LOG_ALL = 7 };
 enum { N_CATEGORIES = 3 };
-extern const char *const category_names[N_CATEGORIES];
+static const char *const category_names[N_CATEGORIES];
 
 /* Where a run stands. With the arena, this is all that an FMU state holds. */
 typedef struct {
@@ -68,68 +70,68 @@ struct Instance {
     void *memory;   /* as allocated */
 };
 
-Instance *instance_new(const char *name, const char *token, Interface interface);
-void instance_free(Instance *);
-void instance_reset(Instance *);
+static Instance *instance_new(const char *name, const char *token, Interface interface);
+static void instance_free(Instance *);
+static void instance_reset(Instance *);
 
 /* Tell the importer, and leave the instance FAILED if the status is an error. Returns the status. */
-Status tell(Instance *, Status, unsigned category, const char *format, ...);
+static Status tell(Instance *, Status, unsigned category, const char *format, ...);
 /* Whether a function may be called in this phase and interface; if not, the instance fails. */
-bool allowed(Instance *, const char *function, unsigned phases);
-bool allowed_in(Instance *, const char *function, Interface, unsigned phases);
+static bool allowed(Instance *, const char *function, unsigned phases);
+static bool allowed_in(Instance *, const char *function, Interface, unsigned phases);
 /* Turn log categories on or off; with no names, all. */
-Status set_categories(Instance *, bool on, size_t n, const char *const names[]);
+static Status set_categories(Instance *, bool on, size_t n, const char *const names[]);
 
 /* What a value reference stands for, if its type is one of `types`, a bit for each; else NULL, and the instance fails. */
-const Item *find(Instance *, const char *function, uint32_t reference, uint32_t types);
+static const Item *find(Instance *, const char *function, uint32_t reference, uint32_t types);
 static inline const Variable *variable_of(const Item *item) { return &model.variables[item->variable]; }
 /* See that a variable's value is current. */
-Status refresh(Instance *, const Variable *);
+static Status refresh(Instance *, const Variable *);
 /* What has to be computed before a variable can be read now, and computing it, whatever has been set. */
-Need need_of(const Instance *, const Variable *);
-Status provide(Instance *, Need);
+static Need need_of(const Instance *, const Variable *);
+static Status provide(Instance *, Need);
 /* Whether a variable may be set now; if not, the instance fails. */
-Status settable(Instance *, const char *function, const Variable *);
+static Status settable(Instance *, const char *function, const Variable *);
 /* What follows from having set `count` elements of a variable; an error where a parameter is beyond its limits. */
-Status was_set(Instance *, const char *function, const Variable *, uint32_t element, uint32_t count);
+static Status was_set(Instance *, const char *function, const Variable *, uint32_t element, uint32_t count);
 /* A number of any type; of 64-bit integers the nearest. */
-double number_at(const Instance *, const Variable *, uint32_t element);
-void put_number(Instance *, const Variable *, uint32_t element, double value); /* of the types FLOAT64 and FLOAT32 */
+static double number_at(const Instance *, const Variable *, uint32_t element);
+static void put_number(Instance *, const Variable *, uint32_t element, double value); /* of the types FLOAT64 and FLOAT32 */
 /* FNV-1a. */
 #define HASH_BEGIN 14695981039346656037u
-uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size);
-uint8_t *address(Instance *, const Variable *, uint32_t element);
-size_t size_of(Type);
+static uint64_t hash_bytes(uint64_t hash, const void *bytes, size_t size);
+static uint8_t *address(Instance *, const Variable *, uint32_t element);
+static size_t size_of(Type);
 
-Status enter_initialization(Instance *, double start, bool stop_defined, double stop);
-Status exit_initialization(Instance *, Phase next);
-Status do_step(Instance *, double time, double size);
-Status enter_event_mode(Instance *);
-Status leave_event_mode(Instance *, Phase next);
+static Status enter_initialization(Instance *, double start, bool stop_defined, double stop);
+static Status exit_initialization(Instance *, Phase next);
+static Status do_step(Instance *, double time, double size);
+static Status enter_event_mode(Instance *);
+static Status leave_event_mode(Instance *, Phase next);
 /* Model Exchange: whether discrete outputs have changed since, so that Event Mode has to be entered. */
-Status complete_step(Instance *, bool *event);
+static Status complete_step(Instance *, bool *event);
 /* Model Exchange: the time of the next sample instant; false if there is none. */
-bool next_event(Instance *, double *time);
-void set_time(Instance *, double time);
-void move_time(Instance *, double change); /* and all that is counted from it */
-void set_states(Instance *, const double *values);
-Status get_states(Instance *, double *values);
-Status get_derivatives(Instance *, double *values);
-void get_nominals(double *values);
+static bool next_event(Instance *, double *time);
+static void set_time(Instance *, double time);
+static void move_time(Instance *, double change); /* and all that is counted from it */
+static void set_states(Instance *, const double *values);
+static Status get_states(Instance *, double *values);
+static Status get_derivatives(Instance *, double *values);
+static void get_nominals(double *values);
 
 /* Directional derivatives, see derivatives.c. DISCARD where there are none here. */
 typedef struct {
     const uint32_t *references;
     size_t n;
 } References;
-Status directional_derivative(Instance *, const char *function, References unknowns, References knowns,
+static Status directional_derivative(Instance *, const char *function, References unknowns, References knowns,
                               const double *seed, size_t n_seed, double *sensitivity, size_t n_sensitivity);
 
 /* FMU states: one block of memory, the same as its serialized form. */
-size_t snapshot_size(void);
-Status snapshot_take(Instance *, void **snapshot);
-Status snapshot_restore(Instance *, const void *snapshot);
-Status snapshot_write(Instance *, const void *snapshot, uint8_t *bytes, size_t size);
-Status snapshot_read(Instance *, const uint8_t *bytes, size_t size, void **snapshot);
+static size_t snapshot_size(void);
+static Status snapshot_take(Instance *, void **snapshot);
+static Status snapshot_restore(Instance *, const void *snapshot);
+static Status snapshot_write(Instance *, const void *snapshot, uint8_t *bytes, size_t size);
+static Status snapshot_read(Instance *, const uint8_t *bytes, size_t size, void **snapshot);
 
 #endif

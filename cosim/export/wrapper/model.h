@@ -6,6 +6,11 @@
 
 #include <stdint.h>
 
+/* Kernels are object code, or C in the same file. */
+#ifndef KERNEL
+#define KERNEL extern
+#endif
+
 /* The C ABI of kernels and of the loop, see `cosim.compiling.kernels`; the result is an FMI status. */
 typedef int32_t (*Kernel)(double time, uint8_t *base, int64_t *frame);
 
@@ -107,9 +112,9 @@ typedef struct {
     uint32_t n_items;
 } Model;
 
-extern const Model model;
+static const Model model;
 
-int32_t engine_run(double step, uint8_t *base, int64_t *control);
-int32_t engine_execute(double time, uint8_t *base, int64_t *control);
+KERNEL int32_t engine_run(double step, uint8_t *base, int64_t *control);
+KERNEL int32_t engine_execute(double time, uint8_t *base, int64_t *control);
 
 #endif

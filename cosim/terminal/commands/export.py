@@ -19,6 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--platform", metavar="P,P", help="such as linux-x86_64,windows-x86_64 (default: this one)")
     parser.add_argument("--member", type=int, default=1, metavar="I", help="whose values are the start values")
     parser.add_argument("--scalars", action="store_true", help="FMI 3 without arrays: x[1], A[1,2] as in FMI 2")
+    parser.add_argument("--sources", action="store_true", help="the FMU holds C files too, which compile to the same")
     parser.add_argument(
         "--author", default="", metavar="NAME", help="who made it; this and what follows stands in the FMU"
     )
@@ -53,7 +54,16 @@ def run(options: argparse.Namespace) -> int:
         license_file=options.license_file,
         date=options.date,
     )
-    network = load_network(options)
-    path = export_fmu(network, blocks, output, options.fmi, platforms, options.member, options.scalars, about)
+    path = export_fmu(
+        load_network(options),
+        blocks,
+        output,
+        options.fmi,
+        platforms,
+        options.member,
+        scalars=options.scalars,
+        about=about,
+        with_sources=options.sources,
+    )
     print(f"wrote {path} ({path.stat().st_size / 1024:.0f} kB, FMI {options.fmi})")
     return 0
