@@ -46,6 +46,7 @@ COMPILING = (
     "authoring/declaration",
     "authoring/foreign",
     "authoring/naming",
+    "authoring/quantities",
     "authoring/rules",
     "authoring/scope",
     "authoring/shared_operations",

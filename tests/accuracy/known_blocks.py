@@ -134,7 +134,18 @@ class Noise(Block):
         next_y[0] = next_seed[0] / 1073741824.0 - 1.0
 
 
-class Delay(Block):
+class Rough(Block):
+    """Numbers from -1 to 1 that have nothing to do with each other however near in time they are."""
+
+    seed = Parameter(default=1.0)
+    y = Output()
+
+    def outputs(time, seed, y):
+        number = math.sin(12989.8 * time + seed) * 43758.5453
+        y[0] = 2.0 * (number - math.floor(number)) - 1.0
+
+
+class Delay(Measure):
     """Holds the input of the last sample, of which there may be so many."""
 
     most = Parameter(default=1000000, dtype=int)

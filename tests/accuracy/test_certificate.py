@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -199,7 +200,7 @@ def test_what_slides_has_no_order_and_the_interval_holds_the_truth(certified, st
 NOISE = """
 run: {stop: 2, step: 0.01}
 blocks:
-  n: {type: Noise}
+  n: {type: Noise, period: 0.05}
   lag: {type: Decay, inputs: {u: n.y}}
   sum: {type: Decay, parameters: {k: 0}, inputs: {u: n.y}}
   lone: {type: Decay}
@@ -212,17 +213,16 @@ metrics:
 
 
 @pytest.mark.parametrize("seed", range(1, 8))
-def test_noise_at_every_step_has_no_order_and_what_it_does_not_reach_has_one(certified, seed):
-    made = certified(NOISE, f"blocks.n.start.seed={seed * 7919}")
+def test_noise_at_every_time_has_no_order_and_what_it_does_not_reach_has_one(certified, seed):
+    made = certified(NOISE.replace("Noise, period: 0.05", "Rough"), f"blocks.n.parameters={{seed: {seed}}}")
     assert {name: made.metrics[name].kind for name in ("lag", "sum")} == {"lag": NO_ORDER, "sum": NO_ORDER}
     assert made.metrics["lone"].kind == ORDER
-    assert any("n is sampled at every step" in note for note in made.notes)
     assert {made.signals[name].kind for name in ("lag.x", "sum.x")} == {NO_ORDER}
 
 
 def test_noise_with_a_period_is_the_same_at_all_steps(certified):
     """And drives what it drives with an order; the period stays, the step is halved."""
-    made = certified(NOISE, "blocks.n.period=0.05")
+    made = certified(NOISE)
     assert made.metrics["lag"].kind == ORDER and made.metrics["lag"].order == pytest.approx(1, abs=0.1)
     assert made.notes == []
 
@@ -371,12 +371,14 @@ def test_a_refinement_changes_steps_and_keeps_times(diagram):
     for refinement, step, inner in ((Refinement(2), 0.005, (2, 3)), (Refinement(1, 4), 0.01, (8, 12))):
         other = run.load(path, settings(network, refinement))
         assert other.diagram.run.step == step and other.diagram.record.period == 0.01
-        assert (other.components["n"].every * step, other.diagram.metrics["x"].start) == (0.05, 0.3)
+        assert (float(other.components["n"].clock.period), other.diagram.metrics["x"].start) == (0.05, 0.3)
         assert (other.diagram.run.inner_steps, other.components["a"].inner_steps) == inner
     [beside] = elsewhere(network)
     other = run.load(path, settings(network, beside))
     # 5 steps to a period: six of the other run's.
-    assert other.diagram.run.step == pytest.approx(0.01 * 5 / 6) and other.components["n"].every == 6
+    assert other.diagram.run.step == pytest.approx(0.01 * 5 / 6) and other.components["n"].clock.period == Fraction(
+        1, 20
+    )
     assert settings(network, TOTAL[0]) == []
     assert elsewhere(run.load(path, ["blocks.n.period=0.01"])) == []
     text = "run: {stop: 1.3, step: 0.1}\nblocks: {w: {type: Wave}}\n"
