@@ -94,7 +94,7 @@ class Binding:
         control[tables.PUBLISHED32], control[tables.N_PUBLISHED32] = program.layout.published["float32"]
         control.view(np.float64)[tables.STEP_SIZE] = program.network.diagram.run.step
         for name, offset in program.layout.vectors.items():
-            control[getattr(loop, name)] = offset
+            control[getattr(tables, name)] = offset
 
 
 def _forget(handles: Sequence[int]) -> None:

@@ -14,39 +14,28 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.engine.newton import solve
+from cosim.engine.integration import integrate
+from cosim.engine.rows import operate
 from cosim.engine.tables import (
     ADVANCE,
     AGAIN,
-    BANK_WORDS,
-    BANKS,
-    BEGIN,
-    BEGUN,
     BUFFER,
     CAPACITY,
     CONTROL_WORDS,
     ELEMENT,
-    END,
     END_ROW,
     ENDED,
     ENDING,
     EVALUATE,
     FILLED,
     FINAL,
-    FIRST_BEGIN,
-    FIRST_END,
     FIRST_ROW,
     GROUP_EVERY,
     GROUP_WORDS,
     GROUPS,
-    IN_PLACE,
-    INNER_BEGIN,
-    INNER_END,
-    INNER_STEPS,
     INTEGRATE,
     KIND,
     LAST,
-    LOOPS,
     N_GROUPS,
     N_PUBLISHED,
     N_PUBLISHED32,
@@ -68,28 +57,19 @@ from cosim.engine.tables import (
     ROWS,
     SAMPLE_WORDS,
     SETTLE,
-    SLOPES,
     SOLVE,
-    STAGES,
     STATES,
     STEP,
     STEP_SIZE,
     STOP,
-    SUM,
-    TABLEAU,
     UPDATE,
     WARNING,
     A,
     B,
-    D,
-    W,
     X,
     copy,
-    evaluate,
 )
-from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import integers_at, load, reals_at, words_at
-from cosim.machine.stages import move
 
 LIMIT = 2.0**332
 """From this magnitude on, about 1e100, a value has diverged: no quantity is as large; its fourth power overflows."""
@@ -167,26 +147,6 @@ def perform(c: Any, base: int, first: int, last: int, k: int, time: float) -> in
     return operate(c, base, begin, end, k, time, time)
 
 
-def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
-    """Do calls, copies and loops in order, as of step k and a time (s); later: of rows that are done at its end."""
-    if c[LOOPS] == 0:
-        return evaluate(c, base, begin, end, k, time, later)
-    o = begin
-    while o < end:
-        row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
-        if row[KIND] == SOLVE:
-            status = solve(c, base, o, k, time, later)
-            o += row[B] + 1
-        else:
-            first = o
-            while o < end and words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[KIND] != SOLVE:
-                o += 1
-            status = evaluate(c, base, first, o, k, time, later)
-        if status > WARNING:
-            return status
-    return OK
-
-
 def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -> int:
     """Go from the communication point k to k+1: UPDATE, and ADVANCE with its integrations. Returns the status."""
     status = perform(c, base, UPDATE, UPDATE, k, time)
@@ -205,61 +165,6 @@ def advance(c: Any, base: int, k: int, time: float, later: float, step: float) -
             return status
         o += 1 + following
     return OK
-
-
-def integrate(c: Any, base: int, bank: int, k: int, begun: float, step: float) -> int:
-    """Integrate one bank over one communication step with its own integrator and number of inner steps."""
-    b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
-    inner_steps = b[INNER_STEPS]
-    x = part(c, base, b, X)
-    w = x if b[IN_PLACE] != 0 else part(c, base, b, W)
-    d = part(c, base, b, D)
-    h = step / inner_steps
-    for s in range(inner_steps):
-        time = begun + s * h
-        if s == 0:
-            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], k, time, time)
-        else:
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, time)
-        if status > WARNING:
-            return status
-        if b[STAGES] > 1:
-            status = finish(c, base, b, x if s == 0 else w, w, d, k, time, h)
-            if status > WARNING:
-                return status
-        elif s > 0 or b[IN_PLACE] != 0:
-            for j in range(w.size):  # vectorised where the loop below would find that its arrays overlap
-                w[j] += h * d[j]
-        else:
-            for j in range(w.size):
-                w[j] = x[j] + h * d[j]
-    return OK
-
-
-def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, k: int, time: float, h: float) -> int:
-    """End the inner step of several stages, of which the first one's derivatives are in `d` already."""
-    stages, stride = b[STAGES], c[STATES] * 8
-    begun, total = part(c, base, b, BEGUN), part(c, base, b, SUM)
-    slopes = base + c[SLOPES] + b[BEGIN] * 8
-    for j in range(w.size):
-        begun[j] = origin[j]
-    for stage in range(stages):
-        row = reals_at(base + b[TABLEAU] + stage * (HEAD + stages) * 8, HEAD + stages)
-        slope = reals_at(slopes + stage * stride, w.size)
-        for j in range(w.size):
-            slope[j] = d[j]
-        move(w, begun, h, row, slopes, stride, total)
-        if stage < stages - 1:
-            now = time + row[NODE] * h
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], k, now, now)
-            if status > WARNING:
-                return status
-    return OK
-
-
-def part(c: Any, base: int, b: Any, vector: int) -> Any:
-    """A bank's part of one of the vectors X, W, BEGUN, SUM, D."""
-    return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
 
 
 def full_at(c: Any) -> int:

@@ -1,0 +1,29 @@
+"""Rows in order: calls and copies, and algebraic loops, which are solved. One source, two engines, as in `loop.py`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim.engine.newton import solve
+from cosim.engine.tables import KIND, LOOPS, OK, ROW_BYTES, ROW_WORDS, ROWS, SOLVE, WARNING, B, evaluate
+from cosim.machine.memory import words_at
+
+
+def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:
+    """Do calls, copies and loops in order, as of step k and a time (s); later: of rows that are done at its end."""
+    if c[LOOPS] == 0:
+        return evaluate(c, base, begin, end, k, time, later)
+    o = begin
+    while o < end:
+        row = words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
+        if row[KIND] == SOLVE:
+            status = solve(c, base, o, k, time, later)
+            o += row[B] + 1
+        else:
+            first = o
+            while o < end and words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)[KIND] != SOLVE:
+                o += 1
+            status = evaluate(c, base, first, o, k, time, later)
+        if status > WARNING:
+            return status
+    return OK
