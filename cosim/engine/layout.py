@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim.authoring.declaration import variable_of
 from cosim.authoring.variables import CalculatedParameter, Input, Local, Output, Parameter, State, Variable
-from cosim.integrators import INTEGRATORS
+from cosim.engine import tables
 from cosim.machine.memory import ALIGNMENT, private
 from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Network, Signal
@@ -53,7 +53,8 @@ class Layout:
 
     places: by signal; next: of discrete states after the next update; scratch: of outputs that derivatives read, inside
     an integration. given: offsets and instances of the values that a diagram sets. vectors: offsets of VECTORS and of
-    SLOPES, which is `slopes` vectors of derivatives. states: the size of each. published: offset and count, by type, of
+    SLOPES, which is `slopes` vectors of derivatives. states: the size of each. memory: offset of what integrations keep
+    from one step to the next. published: offset and count, by type, of
     numbers that have to be finite, besides the states. changing: bytes of the state segment; then come the constants.
     """
 
@@ -125,6 +126,15 @@ class Layout:
         """Where the derivative of a continuous state lies."""
         return state.moved(self.vectors["D"] - self.vectors["X"])
 
+    def states_of(self, component: Component) -> np.ndarray:
+        """The places of a component's continuous states in the state vector, (instances, states of each)."""
+        parts = [np.zeros((component.count, 0), int)]
+        for state in component.declaration.continuous():
+            place, size = self.places[Signal(component.name, state.name)], component.nbytes(state) // 8
+            first = (place.offset - self.vectors["X"]) // 8
+            parts.append(first + size * np.arange(component.count)[:, None] + np.arange(size))
+        return np.concatenate(parts, axis=1)
+
     def unknowns(self, loop: Loop) -> int:
         """The offset of what the loop's SOLVE has to know of an algebraic loop, and works with; see `loop.py`."""
         places = [self.places[signal] for signal in loop.torn]
@@ -133,7 +143,7 @@ class Layout:
         members = self.network.components[loop.torn[0].component].count if apart else 1
         sizes = [self.bytes_of(signal) // 8 // members for signal in loop.torn]
         size = sum(sizes)
-        work = self.allocate(8 * members * size * (size + 8))
+        work = self.allocate(8 * members * size * (size + tables.UNKNOWNS_VECTORS))
         pieces = [word for place, n in zip(places, sizes, strict=True) for word in (place.offset, place.stride, n)]
         return self.constant(np.array([members, size, len(places), work, *pieces], np.int64))
 
@@ -144,6 +154,8 @@ class Layout:
         self.states = sum(c.count * c.nbytes(v) for c, v in continuous) // 8
         for name in VECTORS:
             self.vectors[name] = self.allocate(8 * self.states)
+        owners = {component.name for component, _ in continuous}
+        self.memory = self.allocate(8 * tables.MEMORY_WORDS * max(1, len(owners)))
         stages = _stages(self.network)
         self.slopes = stages if stages > 1 else 0
         self.vectors["SLOPES"] = self.allocate(8 * self.states * self.slopes)
@@ -247,8 +259,8 @@ def copy_of(arena: np.ndarray, zeros: Callable[[int], np.ndarray] = private) -> 
 
 def _stages(network: Network) -> int:
     """The most stages of any integrator that a network's states may be integrated by."""
-    names = {network.diagram.run.integrator, *(c.integrator for c in network.components.values())}
-    return max(INTEGRATORS[name].count for name in names)
+    used = (network.diagram.run.integration, *(c.integration for c in network.components.values()))
+    return max(integration.method.count for integration in used)
 
 
 def _checked(variable: Variable) -> str:

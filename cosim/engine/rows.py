@@ -5,8 +5,26 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.engine.newton import solve
-from cosim.engine.tables import KIND, LOOPS, OK, ROW_BYTES, ROW_WORDS, ROWS, SOLVE, WARNING, B, evaluate
+from cosim.engine.tables import (
+    INNER_BEGIN,
+    INNER_END,
+    KIND,
+    LOOPS,
+    OK,
+    ROW_BYTES,
+    ROW_WORDS,
+    ROWS,
+    SOLVE,
+    WARNING,
+    B,
+    evaluate,
+)
 from cosim.machine.memory import words_at
+
+
+def differentiate(c: Any, base: int, b: Any, k: int, time: float) -> int:
+    """The derivatives of a bank's stage at a time (s), to D, as of step k. Returns the status."""
+    return operate(c, base, b[INNER_BEGIN], b[INNER_END], k, time, time)
 
 
 def operate(c: Any, base: int, begin: int, end: int, k: int, time: float, later: float) -> int:

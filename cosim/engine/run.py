@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program
-from cosim.engine.compilation import Kernels
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes, Samples
 from cosim.engine.program import Program
@@ -27,6 +27,7 @@ from cosim.errors import (
 )
 from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
+from cosim.language.keys import INTEGRATION
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
 from cosim.results.recorded import Recorded
@@ -181,7 +182,8 @@ class Run:
     def _writer(self) -> ResultWriter:
         assert self.output is not None
         diagram = self.network.diagram
-        settings = {k: getattr(diagram.run, k) for k in ("stop", "step", "method", "integrator", "inner_steps")}
+        known = {key: getattr(diagram.run, key) for key in ("stop", "step", "method", *INTEGRATION)}
+        settings = {key: value for key, value in known.items() if value is not None}
         attributes = {
             "title": diagram.title,
             "diagram": diagram.resolved(),
@@ -220,6 +222,7 @@ class Run:
             seconds={name: round(value, 6) for name, value in self.seconds.items()},
             metrics=figures,
             results=str(self.output) if self.output else None,
+            inner_steps=self.simulation.inner_steps,
             error=error,
             events=self.reductions.events(),
             signal=signal,
@@ -234,7 +237,8 @@ class Run:
 def _close(writer: ResultWriter, outcome: Outcome) -> None:
     """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
     try:
-        writer.close(outcome.status, outcome.reason, outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts)
+        figures = outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts, outcome.inner_steps
+        writer.close(outcome.status, outcome.reason, *figures)
     except ResultError as full:
         if outcome.error is None:
             outcome.status, outcome.error = "failed", full

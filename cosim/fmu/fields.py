@@ -45,7 +45,7 @@ LINK_WORDS = 48
     CALLED,  # how often a call has begun or ended: odd inside one
     WORK,  # the states at the begin of a step, a sum, and the slopes, for an integration across time events
     INNER_STEPS,  # in how many of them its states are integrated
-    STAGES,  # how often an integration asks for derivatives in one
+    STAGES,  # how often an integration asks for derivatives in one; 0 where nobody knows beforehand
     TABLEAU,  # the address of its tableau, see `cosim.integrators`
     JOINT,  # whether other blocks read outputs inside it
     SPLITS,  # how many inner steps had time events in them
@@ -61,7 +61,7 @@ LINK_WORDS = 48
     AGAIN,  # the address of a word that has the loop evaluate all outputs once more at this communication point
 ) = range(42)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
-NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
+NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED, PASSED = -1, -2, -3, -4, -5, -6, -7
 
 # One instance. INFO is four words for what a call hands back: fmi2EventInfo, and the same layout for FMI 3.
 RECORD_WORDS = 20

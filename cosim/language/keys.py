@@ -72,6 +72,23 @@ def count(most: int = MOST) -> Type:
     return Type(lambda reader, node, where, _: reader.count(node, where, most), words)
 
 
+def between(least: float, most: float) -> Type:
+    """A number within bounds; None for anything else."""
+    words = f"number from {least:g} to {most:g}"
+
+    def read(reader: Reader, node: Node, where: str, _: Any) -> float | None:
+        before = len(reader.problems.errors)
+        value = reader.number(node, where, least)
+        if len(reader.problems.errors) > before:
+            return None
+        if least <= value <= most:
+            return value
+        reader.wrong(node, f"`{where}` must be a {words}, not {describe(node)}", "such as 1e-6", WrongValue)
+        return None
+
+    return Type(read, words)
+
+
 TEXT = Type(lambda reader, node, where, _: reader.text(node, where) or None, "text")
 TRUTH = Type(lambda reader, node, where, _: reader.truth(node, where), "true or false")
 NUMBER = Type(lambda reader, node, where, default: reader.number(node, where, default), "number")
@@ -79,6 +96,7 @@ POSITIVE = Type(
     lambda reader, node, where, default: reader.positive(node, where, math.nan if default is None else default),
     "number above zero",
 )
+TOLERANCE = between(1e-13, 0.1)
 SIGNAL = Type(lambda reader, node, where, _: node if reader.endpoint(node, where) else None, "block.port")
 NAMES = Type(lambda reader, node, where, _: node, "text, or a list of such")
 ANYTHING = Type(lambda reader, node, where, _: node)
@@ -135,6 +153,8 @@ BLOCK: dict[str, Key] = {
     "period": Key("how often a sampled block is due", POSITIVE, unit="s", kinds=NATIVE),
     "integrator": Key("its own integrator; none: that of the run", choice(INTEGRATORS), kinds=NATIVE),
     "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
+    "tolerance": Key("its own tolerance; none: that of the run", TOLERANCE, kinds=NATIVE),
+    "absolute_tolerance": Key("as that of the run", POSITIVE, kinds=NATIVE),
     "ports": Key("the FMU's variable behind each name of ours", below={ANY: Key("", TEXT)}, kinds=("fmu",)),
     "mode": Key("which interface of an FMU", choice(("co-simulation", "model-exchange")), kinds=("fmu",)),
     "isolate": Key("whether an FMU gets a process of its own", TRUTH, False, kinds=("fmu",)),
@@ -146,8 +166,14 @@ RUN: dict[str, Key] = {
     "method": Key("how blocks are coupled", choice(METHODS), "jacobi"),
     "integrator": Key("of continuous states", choice(INTEGRATORS), "euler"),
     "inner_steps": Key("in how many steps of theirs a step is integrated", count(MOST_INNER_STEPS), 1),
+    "tolerance": Key(
+        "of the error of an inner step over a state's size, which sets that step; none: equal ones", TOLERANCE
+    ),
+    "absolute_tolerance": Key("added to it, in the state's unit; none: a thousandth of it", POSITIVE),
     "patience": Key("how long a call of an FMU may give no sign of life", POSITIVE, 10.0, unit="s"),
 }
+INTEGRATION = ("integrator", "inner_steps", "tolerance", "absolute_tolerance")
+"""What a block may say otherwise than the run of how its states are integrated."""
 RECORD: dict[str, Key] = {
     "period": Key("how often; none: at every step", POSITIVE, unit="s"),
     "signals": Key("what is recorded, block.port each", ANYTHING),

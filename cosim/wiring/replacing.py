@@ -13,6 +13,7 @@ from cosim.authoring.variables import Input, Parameter, Variable
 from cosim.errors import CosimError, Problems
 from cosim.language import source, units
 from cosim.language.entry import SECTIONS, BlockEntry
+from cosim.language.keys import INTEGRATION
 from cosim.language.swaps import Lost, Swap, dropped, swap_of, take_out
 from cosim.wiring import library
 
@@ -41,7 +42,7 @@ def settle(entry: BlockEntry, declaration: Declaration, problems: Problems, code
     other = _other_units(entry, before, known) if before else []
     needs = {
         "period": declaration.kind("update"),
-        **dict.fromkeys(("integrator", "inner_steps"), declaration.continuous()),
+        **dict.fromkeys(INTEGRATION, declaration.continuous()),
     }
     for key, needed in needs.items():
         node = entry.settings.get(key)

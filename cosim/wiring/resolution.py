@@ -8,7 +8,18 @@ from __future__ import annotations
 from cosim.authoring.variables import Output
 from cosim.errors import Problems, WrongValue
 from cosim.language.diagram import Diagram, note_inherited
-from cosim.wiring import components, conditions, dimensions, given_values, matching, named_signals, order, sizes, wires
+from cosim.wiring import (
+    components,
+    conditions,
+    dimensions,
+    given_values,
+    matching,
+    members,
+    named_signals,
+    order,
+    sizes,
+    wires,
+)
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Loop, Network, Signal
 
@@ -28,6 +39,8 @@ def wire(diagram: Diagram, problems: Problems | None = None, code: bool = True) 
     draft.absent.report_outputs(draft.components, draft.problems)
     draft.absent.report_blocks(draft.components, draft.problems)
     conditions.check(draft.components, draft.components, draft.problems)
+    if draft.is_whole() and not draft.problems.errors:
+        members.report_large(draft.network(), draft.problems)
     note_inherited(diagram, draft.problems)
     draft.problems.raise_if_any()
     return draft.network()

@@ -35,6 +35,8 @@ static Status explain(Instance *i, int32_t status, double time) {
         return tell(i, ERROR, LOG_ERROR, "`%s` is not finite, or beyond 1e100, at t = %g s: try a smaller step", name,
                     time);
     }
+    if (status == ENGINE_STALLED)
+        return tell(i, ERROR, LOG_ERROR, "no inner step keeps the tolerance after t = %g s", time);
     if (status == ENGINE_UNSOLVED)
         return tell(i, ERROR, LOG_ERROR, "an algebraic loop has no solution at t = %g s", time);
     const int64_t *row = model.rows + c[ENGINE_AT] * ENGINE_ROW_WORDS;
