@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.compiling.kernels import Kernels
-from cosim.engine import compilation, program
+from cosim.engine import compilation, program, stability
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes, Samples
 from cosim.engine.program import Program
@@ -76,6 +76,8 @@ class Run:
         self.reductions = Reductions(network)
         self._program = prepared[0] if prepared else program.build(network, settings.method)
         self._kernels = prepared[1] if prepared else None
+        self._prepared = prepared is not None
+        self._unstable: list[CosimError] = []  # of what is prepared, for many runs, nobody asks
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self._executed = False
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
@@ -87,6 +89,7 @@ class Run:
         kernels = self._kernels
         if kernels is None:
             kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
+            self._kernels = kernels
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
         compiled = clock.perf_counter()
         made = Simulation(self._program, kernels if self.engine == "native" else None, self._probes())
@@ -156,6 +159,8 @@ class Run:
             self.simulation.breakable = interrupted.breakable
             self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
+            if self._kernels and not self._prepared:
+                self._unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self.reductions.update(stepwise)
@@ -226,7 +231,7 @@ class Run:
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[*self.reductions.warnings, *warnings, *failed],
+            warnings=[*self.reductions.warnings, *self._unstable, *warnings, *failed],
             conditions=judged,
             units=self.reductions.units,
             windows=self.reductions.windows,
