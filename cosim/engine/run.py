@@ -150,7 +150,7 @@ class Run:
 
     def _solve(self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption) -> None:
         began = flushed = clock.perf_counter()
-        writing = 0.0
+        aside = 0.0
 
         def wanted() -> bool:
             return interrupted.wanted
@@ -159,8 +159,7 @@ class Run:
             self.simulation.breakable = interrupted.breakable
             self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
-            if self._kernels and not self._prepared:
-                self._unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
+            aside += self._look(wanted)
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self.reductions.update(stepwise)
@@ -170,7 +169,7 @@ class Run:
                         writer.flush()
                         flushed = resumed
                 watch(self.simulation.time)
-                writing += clock.perf_counter() - resumed
+                aside += clock.perf_counter() - resumed
                 interrupted.raise_if_wanted()
             self.simulation.close()
         except BaseException:
@@ -178,7 +177,16 @@ class Run:
                 self.simulation.close()
             raise
         finally:
-            self.seconds["solve"] = clock.perf_counter() - began - writing
+            self.seconds["solve"] = clock.perf_counter() - began - aside
+
+    def _look(self, wanted: Callable[[], bool]) -> float:
+        """Look whether equal steps are stable, which is part of the setup; how long that takes (s)."""
+        began = clock.perf_counter()
+        if self._kernels and not self._prepared:
+            self._unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
+        spent = clock.perf_counter() - began
+        self.seconds["setup"] += spent
+        return spent
 
     def _append(self, writer: ResultWriter, samples: Samples) -> None:
         values = {str(signal): array for signal, array in samples.values.items()}
