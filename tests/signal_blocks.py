@@ -216,3 +216,47 @@ class Stuck(Block, compiled=False):
             print("stuck", file=sys.stderr, flush=True)
             while True:
                 pass
+
+
+class Riccati(Block):
+    """dy/dt = y^2 cos(t), y(0) = 1/2: y = 1/(2 - sin t)."""
+
+    y = State(output=True, start=0.5)
+
+    def derivatives(time, y, d_y):
+        d_y[0] = y * y * math.cos(time)
+
+
+class VanDerPol(Block):
+    """x'' = mu (1 - x^2) x' - x + u: stiff where mu is large."""
+
+    u = Input(start=0.0)
+    mu = Parameter(default=1000.0)
+    x = State(output=True, start=2.0)
+    v = State(output=True)
+
+    def derivatives(u, mu, x, v, d_x, d_v):
+        d_x[0] = v
+        d_v[0] = mu * (1.0 - x * x) * v - x + u
+
+
+class Robertson(Block):
+    """Three reactions whose rates differ by nine orders of magnitude."""
+
+    y = State(3, output=True, start=[1.0, 0.0, 0.0])
+
+    def derivatives(y, d_y):
+        slow, back, fast = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] * y[1]
+        d_y[0] = back - slow
+        d_y[1] = slow - back - fast
+        d_y[2] = fast
+
+
+class Follow(Block):
+    """dx/dt = u - x."""
+
+    u = Input()
+    x = State(output=True)
+
+    def derivatives(u, x, d_x):
+        d_x[0] = u - x

@@ -158,7 +158,7 @@ def _left_out(refinement: Refinement, run: Observation) -> str:
 def _theory(network: Network) -> tuple[int, int]:
     """The highest order that theory admits, and how many steps of integration the longest run has."""
     run = network.diagram.run
-    inner = max([run.inner_steps, *(component.inner_steps for component in network.components.values())])
+    inner = max([run.inner_steps, *(component.integration.inner_steps for component in network.components.values())])
     return highest_order(network), run.steps * inner * TOTAL[-1].steps
 
 

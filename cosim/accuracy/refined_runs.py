@@ -11,8 +11,8 @@ from pathlib import Path
 
 from cosim.accuracy.observed import Observed
 from cosim.accuracy.refinement import Refinement, settings
+from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program
-from cosim.engine.compilation import Kernels
 from cosim.engine.outcome import Outcome
 from cosim.engine.program import Program
 from cosim.engine.run import ENGINES, Run

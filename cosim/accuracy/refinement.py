@@ -78,7 +78,9 @@ def settings(network: Network, refinement: Refinement) -> list[str]:
             changed.append(f"record.period={own * math.lcm(steps, refinement.coarser)!r}")
     if refinement.inner > 1:
         changed.append(f"run.inner_steps={network.diagram.run.inner_steps * refinement.inner}")
-        changed += [f"blocks.{c.name}.inner_steps={c.inner_steps * refinement.inner}" for c in _with_own(network)]
+        changed += [
+            f"blocks.{c.name}.inner_steps={c.integration.inner_steps * refinement.inner}" for c in _with_own(network)
+        ]
     return changed
 
 
@@ -95,7 +97,7 @@ def steps_of_their_own(network: Network) -> list[str]:
 
 def why_not_parts(network: Network) -> str:
     """Why the errors of coupling and of integration cannot be told apart; nothing where they can."""
-    most = max([network.diagram.run.inner_steps, *(c.inner_steps for c in network.components.values())])
+    most = max([network.diagram.run.inner_steps, *(c.integration.inner_steps for c in network.components.values())])
     if alone := steps_of_their_own(network):
         return f"the inner steps of {', '.join(alone)} cannot be halved"
     if not any(c.declaration.continuous() for c in network.components.values()):
@@ -112,7 +114,9 @@ def highest_order(network: Network) -> int:
         return max(tableau.order for tableau in INTEGRATORS.values())
     run = network.diagram.run
     used = (
-        [run.integrator] if run.method == "joint" else [c.integrator for c in components if c.declaration.continuous()]
+        [run.integrator]
+        if run.method == "joint"
+        else [c.integration.integrator for c in components if c.declaration.continuous()]
     )
     return max((INTEGRATORS[name].order for name in used), default=1)
 

@@ -34,7 +34,8 @@ class LoopWords:
     """What a foreign block is told of the loop that calls it.
 
     step: the address of the communication step (s). inner_steps: in how many its states are integrated in one,
-    each of so many stages; tableau: of the integrator, as of `Tableau.words`. joint: with the states of all others.
+    each of so many stages (0: as many as an error, or its equations, ask for); tableau: of the integrator, as of
+    `Tableau.words`. joint: with the states of all others.
     ending: the address of the word that ends the run, see `cosim.master.tables`. again: of the word that asks for
     another evaluation of outputs.
     """

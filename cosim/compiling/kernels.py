@@ -14,7 +14,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from cosim.authoring.declaration import Declaration
@@ -46,6 +46,20 @@ class Module:
 
 
 _loaded: dict[str, object_code.Library] = {}
+
+
+@dataclass
+class Kernels:
+    """The modules that a program calls, by component, and the loop's; None for a component that stays Python."""
+
+    modules: dict[str, Module | None] = field(default_factory=dict)
+    loop: Module | None = None
+
+    @property
+    def compiled(self) -> int:
+        """How many modules had to be compiled rather than found in the cache."""
+        found = {m.key: m for m in (*self.modules.values(), self.loop) if m is not None}
+        return sum(m.compiled_now for m in found.values())
 
 
 def module(name: str, sources: Iterable[KernelSource]) -> Module:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from cosim.compiling.kernels import Kernels
 from cosim.engine import interpretation
-from cosim.engine.compilation import Kernels
 from cosim.engine.probes import Buffers
 from cosim.engine.program import Program
 from cosim.machine import memory

@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 from cosim.compiling import kernels
+from cosim.compiling.kernels import Kernels
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
 from cosim.master import loop
 from cosim.wiring.network import Component
-
-
-@dataclass
-class Kernels:
-    """The modules that a program calls, by component, and the loop's; None for a component that stays Python."""
-
-    modules: dict[str, kernels.Module | None] = field(default_factory=dict)
-    loop: kernels.Module | None = None
-
-    @property
-    def compiled(self) -> int:
-        """How many modules had to be compiled rather than found in the cache."""
-        found = {m.key: m for m in (*self.modules.values(), self.loop) if m is not None}
-        return sum(m.compiled_now for m in found.values())
 
 
 def compile_program(program: Program) -> Kernels:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.authoring.variables import Local, State
+from cosim.authoring.variables import Local, State, Variable
 from cosim.engine import faults
 from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError, Diverged
-from cosim.master import loop, newton
+from cosim.master import integration, linear, loop, newton, tables
+from cosim.wiring.network import Component
 
 KINDS = {"output": "output", "calculatedParameter": "calculated parameter"}
 
@@ -23,15 +24,40 @@ def divergence(program: Program, arena: np.ndarray, offset: int, time: float) ->
     mark = UNWRITTEN[variable.dtype]
     if value.view(mark.dtype) == mark and (error := _unwritten(program, arena, time)):
         return error
-    index = np.unravel_index(element, component.shape(variable)) if variable.shape else ()
-    place = f"[{','.join(str(int(i) + 1) for i in index)}]" if index else ""
+    name = _named(component, variable, element)
     member = f" of {component.fleet} {instance + 1}" if component.fleet else ""
     what = f"is {value:.3g}, beyond {loop.LIMIT:.0e}" if np.isfinite(value) else f"is not finite ({value})"
     is_state = isinstance(variable, State)
     kind = "state" if is_state else KINDS.get(variable.causality, "local")
-    message = f"block {signal.component}: {kind} `{signal.variable}{place}`{member} {what} at t = {time:g} s"
+    message = f"block {signal.component}: {kind} `{name}`{member} {what} at t = {time:g} s"
     fix = "try a smaller step, or look at what drives it" if is_state else "look at what it is computed from"
     return Diverged(message, component.entry.position, fix)
+
+
+def _named(component: Component, variable: Variable, element: int) -> str:
+    """A variable, with the indices of one of its elements from 1."""
+    index = np.unravel_index(element, component.shape(variable)) if variable.shape else ()
+    return variable.name + (f"[{','.join(str(int(i) + 1) for i in index)}]" if index else "")
+
+
+def stalled(program: Program, arena: np.ndarray, offset: int) -> CosimError:
+    """The error for a state at an offset whose tolerance is not kept, however small or many the inner steps are."""
+    signal, instance, element = program.owner(offset)
+    component, variable = program.network.components[signal.component], program.network.variable(signal)
+    index = (offset - program.layout.vectors["X"]) // 8
+    bank = next(b for b in program.banks if b[tables.BEGIN] <= index < b[tables.END])
+    begin = int(bank[tables.MEMORY])
+    step, time = arena[begin : begin + 16].view(float)
+    name = _named(component, variable, element)
+    member = f" of {component.fleet} {instance + 1}" if component.fleet else ""
+    state = f"block {signal.component}: state `{name}`{member}"
+    if step >= integration.SMALLEST * abs(time):
+        many = f"more than {integration.MOST_STEPS} inner steps in one step of the run for its tolerance"
+        fix = "choose an implicit integrator such as rodas5p, a smaller `run.step`, or a larger `tolerance`"
+        return BlockFailed(f"{state} asks at t = {time:g} s for {many}", component.entry.position, fix)
+    message = f"{state} does not keep its tolerance at t = {time:.15g} s, however small the inner step ({step:.1g} s)"
+    fix = "look for a jump or a pole in its derivative there; or choose a larger `tolerance`"
+    return BlockFailed(message, component.entry.position, fix)
 
 
 def _unwritten(program: Program, arena: np.ndarray, time: float) -> BlockFailed | None:
@@ -76,7 +102,7 @@ def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> Bloc
         message = f"the algebraic loop of {', '.join(parts)} leaves {torn} undetermined at t = {time:g} s"
         return BlockFailed(message, position, "let one of these blocks read a state instead, or sample it")
     message = f"no solution was found of the algebraic loop of {', '.join(parts)} at t = {time:g} s: "
-    way = "gives no number" if left >= newton.HUGE else f"does not come back to itself, but {left:.1g} away"
+    way = "gives no number" if left >= linear.HUGE else f"does not come back to itself, but {left:.1g} away"
     guess = f"blocks.{loop.torn[0].component}.start.{loop.torn[0].variable}"
     fix = f"say where to look, {guess}; or sample a block, or let it read a state"
     return BlockFailed(f"{message}{torn} {way}", position, fix)

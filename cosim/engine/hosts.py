@@ -168,7 +168,8 @@ class Watch:
         component = self._program.network.components[self._call().component] if self._program.calls else None
         if self._asked is None and component and not (component.declaration.compiled or component.declaration.foreign):
             return None
-        return int(self._control[tables.TICK]), int(self._control[tables.AT]), *calls
+        done = (int(self._control[word]) for word in (tables.TICK, tables.INNER, tables.AT))
+        return *done, *calls
 
     def stop(self) -> None:
         """Ask the loop to return before its next step."""

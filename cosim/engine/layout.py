@@ -16,7 +16,7 @@ from cosim.authoring.declaration import Function, variable_of
 from cosim.authoring.variables import CalculatedParameter, Indicator, Input, Local, Output, Parameter, State, Variable
 from cosim.engine import inputs
 from cosim.engine.allocation import Allocation, Place
-from cosim.integrators import INTEGRATORS
+from cosim.master import tables
 from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Network, Signal
 
@@ -39,7 +39,8 @@ class Layout(Allocation):
     integrated: of continuous states that are held where others see them; jumped: of states after an event. crossings:
     offsets of CROSSINGS, of `indicators` numbers each. given: offsets and instances of the values
     that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
-    derivatives. states: the size of each. published: offset and count, by type, of numbers that have to be finite,
+    derivatives. states: the size of each. memory: offset of what integrations keep from one step to the next.
+    published: offset and count, by type, of numbers that have to be finite,
     besides the states. changing: bytes of the state segment; then come the constants. repeated: the part of it without
     the histories of inputs, by which a step that is repeated goes better.
     """
@@ -101,11 +102,14 @@ class Layout(Allocation):
         """Where the derivative of a continuous state lies."""
         return state.moved(self.vectors["D"] - self.vectors["X"])
 
-    def part(self, component: Component) -> tuple[int, int]:
-        """Where a component's continuous states are in the state vector: the first, and the one after the last."""
-        states = component.declaration.continuous()
-        at = (self.own(Signal(component.name, states[0].name)).offset - self.vectors["X"]) // 8
-        return at, at + sum(component.count * component.nbytes(s) for s in states) // 8
+    def states_of(self, component: Component) -> np.ndarray:
+        """The places of a component's continuous states in the state vector, (instances, states of each)."""
+        parts = [np.zeros((component.count, 0), int)]
+        for state in component.declaration.continuous():
+            place, size = self.own(Signal(component.name, state.name)), component.nbytes(state) // 8
+            first = (place.offset - self.vectors["X"]) // 8
+            parts.append(first + size * np.arange(component.count)[:, None] + np.arange(size))
+        return np.concatenate(parts, axis=1)
 
     def unknowns(self, loop: Loop) -> int:
         """The offset of what the loop's SOLVE has to know of an algebraic loop, and works with; see `loop.py`."""
@@ -115,7 +119,7 @@ class Layout(Allocation):
         members = self.network.components[loop.torn[0].component].count if apart else 1
         sizes = [self.bytes_of(signal) // 8 // members for signal in loop.torn]
         size = sum(sizes)
-        work = self.allocate(8 * members * size * (size + 8))
+        work = self.allocate(8 * members * size * (size + tables.UNKNOWNS_VECTORS))
         pieces = [word for place, n in zip(places, sizes, strict=True) for word in (place.offset, place.stride, n)]
         return self.constant(np.array([members, size, len(places), work, *pieces], np.int64))
 
@@ -126,6 +130,8 @@ class Layout(Allocation):
         self.states = sum(c.count * c.nbytes(v) for c, v in continuous) // 8
         for name in VECTORS:
             self.vectors[name] = self.allocate(8 * self.states)
+        owners = {component.name for component, _ in continuous}
+        self.memory = self.allocate(8 * tables.MEMORY_WORDS * max(1, len(owners)))
         stages = _stages(self.network)
         self.slopes = stages if stages > 1 else 0
         self.vectors["SLOPES"] = self.allocate(8 * self.states * self.slopes)
@@ -218,8 +224,8 @@ class Layout(Allocation):
 
 def _stages(network: Network) -> int:
     """The most stages of any integrator that a network's states may be integrated by."""
-    names = {network.diagram.run.integrator, *(c.integrator for c in network.components.values())}
-    return max(INTEGRATORS[name].count for name in names)
+    used = (network.diagram.run.integration, *(c.integration for c in network.components.values()))
+    return max(integration.method.count for integration in used)
 
 
 def _checked(variable: Variable) -> str:

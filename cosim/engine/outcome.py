@@ -40,7 +40,8 @@ class Stepping:
 class Outcome:
     """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
 
-    seconds: wall-clock time of each part. signal: the number of the signal that interrupted it, or 0.
+    seconds: wall-clock time of each part. inner_steps: how many were taken and how many rejected of what is integrated
+    within a tolerance, by block, or of all as "joint". signal: the number of the signal that interrupted it, or 0.
     """
 
     diagram: str
@@ -52,6 +53,7 @@ class Outcome:
     seconds: dict[str, float]
     metrics: dict[str, Any]
     results: str | None
+    inner_steps: dict[str, dict[str, int]] = field(default_factory=dict)
     error: CosimError | None = None
     signal: int = 0
     termination: CosimError | None = None  # who asked for the end, which is one of the warnings too
@@ -83,6 +85,8 @@ class Outcome:
             content["error"] = str(self.error)
         if self.warnings:
             content["warnings"] = [str(warning) for warning in self.warnings]
+        if self.inner_steps:
+            content["inner_steps"] = self.inner_steps
         if self.conditions:
             content["conditions"] = self.verdicts
         if self.accuracy:

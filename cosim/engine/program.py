@@ -103,6 +103,13 @@ class Program:
         """The simulated time (s) of a tick, to the bit that of the loop."""
         return tick * float(self.network.schedule.tick)
 
+    def name_of(self, bank: np.ndarray) -> str:
+        """The block whose states a bank has; joint, if there are several."""
+        owners = [component for component in self.network.components.values() if component.declaration.continuous()]
+        begin, end = bank[tables.BEGIN], bank[tables.END]
+        names = [component.name for component in owners if begin <= self.layout.states_of(component).min() < end]
+        return names[0] if len(names) == 1 else "joint"
+
     def unsolved_error(self, row: int, arena: np.ndarray) -> float:
         """The error of the guess at which the solver of an algebraic loop, by its row, gave up."""
         offset = int(self.rows[row, tables.A])

@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cosim.engine import compilation, program
-from cosim.engine.compilation import Kernels
+from cosim.compiling.kernels import Kernels
+from cosim.engine import compilation, program, stability
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes, Samples
 from cosim.engine.program import Program
@@ -27,6 +27,7 @@ from cosim.errors import (
 )
 from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
+from cosim.language.keys import INTEGRATION
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
 from cosim.results.recorded import Recorded
@@ -75,6 +76,8 @@ class Run:
         self.reductions = Reductions(network)
         self._program = prepared[0] if prepared else program.build(network, settings.method)
         self._kernels = prepared[1] if prepared else None
+        self._prepared = prepared is not None
+        self._unstable: list[CosimError] = []  # of what is prepared, for many runs, nobody asks
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self._executed = False
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
@@ -86,6 +89,7 @@ class Run:
         kernels = self._kernels
         if kernels is None:
             kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
+            self._kernels = kernels
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
         compiled = clock.perf_counter()
         made = Simulation(self._program, kernels if self.engine == "native" else None, self._probes())
@@ -146,7 +150,7 @@ class Run:
 
     def _solve(self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption) -> None:
         began = flushed = clock.perf_counter()
-        writing = 0.0
+        aside = 0.0
 
         def wanted() -> bool:
             return interrupted.wanted
@@ -155,6 +159,7 @@ class Run:
             self.simulation.breakable = interrupted.breakable
             self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
+            aside += self._look(wanted)
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self.reductions.update(stepwise)
@@ -164,7 +169,7 @@ class Run:
                         writer.flush()
                         flushed = resumed
                 watch(self.simulation.time)
-                writing += clock.perf_counter() - resumed
+                aside += clock.perf_counter() - resumed
                 interrupted.raise_if_wanted()
             self.simulation.close()
         except BaseException:
@@ -172,7 +177,16 @@ class Run:
                 self.simulation.close()
             raise
         finally:
-            self.seconds["solve"] = clock.perf_counter() - began - writing
+            self.seconds["solve"] = clock.perf_counter() - began - aside
+
+    def _look(self, wanted: Callable[[], bool]) -> float:
+        """Look whether equal steps are stable, which is part of the setup; how long that takes (s)."""
+        began = clock.perf_counter()
+        if self._kernels and not self._prepared:
+            self._unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
+        spent = clock.perf_counter() - began
+        self.seconds["setup"] += spent
+        return spent
 
     def _append(self, writer: ResultWriter, samples: Samples) -> None:
         values = {str(signal): array for signal, array in samples.values.items()}
@@ -181,8 +195,9 @@ class Run:
     def _writer(self) -> ResultWriter:
         assert self.output is not None
         diagram = self.network.diagram
-        names = "stop", "step", "method", "extrapolation", "coupling_tolerance", "integrator", "inner_steps"
-        settings = {k: getattr(diagram.run, k) for k in names if getattr(diagram.run, k) is not None}
+        names = "stop", "step", "method", "extrapolation", "coupling_tolerance", *INTEGRATION
+        known = {key: getattr(diagram.run, key) for key in names}
+        settings = {key: value for key, value in known.items() if value is not None}
         attributes = {
             "title": diagram.title,
             "diagram": diagram.resolved(),
@@ -235,10 +250,11 @@ class Run:
             seconds={name: round(value, 6) for name, value in self.seconds.items()},
             metrics=figures,
             results=str(self.output) if self.output else None,
+            inner_steps=self.simulation.inner_steps,
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[*self.reductions.warnings, *warnings, *failed, *self._coarse()],
+            warnings=[*self.reductions.warnings, *self._unstable, *warnings, *failed, *self._coarse()],
             conditions=judged,
             units=self.reductions.units,
             windows=self.reductions.windows,
@@ -250,7 +266,8 @@ class Run:
 def _close(writer: ResultWriter, outcome: Outcome) -> None:
     """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
     try:
-        writer.close(outcome.status, outcome.reason, outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts)
+        figures = outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts, outcome.inner_steps
+        writer.close(outcome.status, outcome.reason, *figures)
     except ResultError as full:
         if outcome.error is None:
             outcome.status, outcome.error = "failed", full

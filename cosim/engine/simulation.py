@@ -15,15 +15,14 @@ from functools import partial
 import numpy as np
 
 from cosim.authoring.foreign import LoopWords, Part
+from cosim.compiling.kernels import Kernels
 from cosim.engine import failures, hosts
 from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
-from cosim.engine.compilation import Kernels
 from cosim.engine.outcome import Stepping
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
 from cosim.errors import CosimError
-from cosim.integrators import INTEGRATORS
 from cosim.machine import floating, memory, supervision
 from cosim.master import tables
 from cosim.wiring.network import Component, Signal
@@ -95,18 +94,15 @@ class Simulation:
 
     def _loop(self, component: Component) -> LoopWords:
         """What a foreign block is told of the loop."""
-        run = self.program.network.diagram.run
-        joint = run.method == "joint"
-        integrator, inner_steps = (
-            (run.integrator, run.inner_steps) if joint else (component.integrator, component.inner_steps)
-        )
+        integration = component.integration
+        equal = integration.has_equal_stages
         words = {w: self.control.ctypes.data + 8 * w for w in (tables.STEP_SIZE, tables.ENDING, tables.AGAIN)}
         return LoopWords(
             step=words[tables.STEP_SIZE],
-            inner_steps=inner_steps,
-            stages=INTEGRATORS[integrator].count,
-            tableau=INTEGRATORS[integrator].words(),
-            joint=joint,
+            inner_steps=integration.inner_steps,
+            stages=integration.method.count if equal else 0,
+            tableau=integration.method.words() if equal else (),
+            joint=self.program.network.diagram.run.method == "joint",
             ending=words[tables.ENDING],
             again=words[tables.AGAIN],
         )
@@ -157,7 +153,7 @@ class Simulation:
         """The communication steps that a tolerance chose, if one did."""
         if not self.program.attempts.tolerance:
             return None
-        words = (tables.SHORTEST, tables.LONGEST, tables.REJECTED, tables.COARSE)
+        words = (tables.SHORTEST, tables.LONGEST, tables.UNDONE, tables.COARSE)
         shortest, longest, rejected, coarse = (int(self.control[word]) for word in words)
         return Stepping(self.program.time(shortest), self.program.time(longest), rejected, coarse)
 
@@ -165,6 +161,17 @@ class Simulation:
     def time(self) -> float:
         """The simulated time (s)."""
         return self.program.time(self.done)
+
+    @property
+    def inner_steps(self) -> dict[str, dict[str, int]]:
+        """How many were taken and rejected so far of each block within a tolerance, or of all, called joint."""
+        found = {}
+        for bank in self.program.banks:
+            if bank[tables.CONTROLLED]:
+                memory = self.arena[bank[tables.MEMORY] :][: 8 * tables.MEMORY_WORDS].view(np.int64)
+                counts = {"taken": int(memory[tables.TAKEN]), "rejected": int(memory[tables.REJECTED])}
+                found[self.program.name_of(bank)] = counts
+        return found
 
     def batches(self, wanted: Callable[[], bool] = supervision.never) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
@@ -210,6 +217,8 @@ class Simulation:
             return
         if status == tables.NON_FINITE:
             raise failures.divergence(self.program, self.arena, int(self.control[tables.ELEMENT]), self.time)
+        if status == tables.STALLED:
+            raise failures.stalled(self.program, self.arena, int(self.control[tables.ELEMENT]))
         row = int(self.control[tables.AT])
         if status == tables.RESTLESS:
             raise failures.restless(self.program, self.time)

@@ -53,6 +53,7 @@ from cosim.fmu.fields import (
     N_INPUTS,
     NEXT,
     NEXT_DEFINED,
+    PASSED,
     REACHED,
     ROUNDING,
     ROW_WORDS,
@@ -109,19 +110,21 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
 def differentiate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
     """The derivatives of a stage of the integration to the arena."""
     stage, source = r[STAGE], r[SLOPES]
+    if link[STAGES] == 0 and has_event_before(r, info, time - ROUNDING * communication_step(f)):
+        return give_up(link, PASSED, 0)
     if stage == 0 or r[SPLIT] == 0:
         if prepare(time, base, link, plan, f, r, info, k):
             return True
         if r[ENDS] != 0:
             return give_up(link, TERMINATED, 0)
-        if stage == 0 and has_event_before(r, info, time + inner_step(f) - ROUNDING * communication_step(f)):
+        if stage == 0 and is_split(time, link, f, r, info):
             if split(time, base, link, plan, f, r, info, k):
                 return True
         else:
             source = link[BUFFER]
             if bad(link, link[GET_DERIVATIVES], (r[HANDLE], source, link[STATES])):
                 return True
-    r[STAGE] = (stage + 1) % link[STAGES]
+    r[STAGE] = (stage + 1) % max(1, link[STAGES])
     scatter(base, link, plan[DERIVATIVE_MAP], f, k, source)
     return False
 
@@ -140,6 +143,13 @@ def indicate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info:
     for j in range(n):
         to[j] = found[j]
     return False
+
+
+def is_split(time: float, link: Any, f: Any, r: Any, info: int) -> bool:
+    """Whether a time event lies inside the inner step that begins, of which the loop asks for so many stages."""
+    end = time + inner_step(f) - ROUNDING * communication_step(f)
+    inside: bool = link[STAGES] != 0 and has_event_before(r, info, end)
+    return inside
 
 
 def begin_events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:

@@ -45,7 +45,7 @@ LINK_WORDS = 56
     CALLED,  # how often a call has begun or ended: odd inside one
     WORK,  # the states at the begin of a step, a sum, and the slopes, for an integration across time events
     INNER_STEPS,  # in how many of them its states are integrated
-    STAGES,  # how often an integration asks for derivatives in one
+    STAGES,  # how often an integration asks for derivatives in one; 0 where nobody knows beforehand
     TABLEAU,  # the address of its tableau, see `cosim.integrators`
     JOINT,  # whether other blocks read outputs inside it
     SPLITS,  # how many inner steps had time events in them
@@ -67,7 +67,7 @@ LINK_WORDS = 56
     N_KEPT,
 ) = range(48)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
-NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
+NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED, PASSED = -1, -2, -3, -4, -5, -6, -7
 
 EVENT_INDICATORS = "event indicators"  # as a variable of a block; no variable of an FMU is called so
 

@@ -28,6 +28,7 @@ REASONS = {
     fields.ENDLESS: f"needed more than {fields.MOST_ITERATIONS} event iterations",
     fields.TOO_LARGE: "cannot take an integer of more than 32 bits",
     fields.CROWDED: f"has more than {fields.MOST_EVENTS} time events in one step",
+    fields.PASSED: "has a time event inside a step, at which only an explicit integrator with equal steps can stop",
 }
 
 
@@ -114,7 +115,9 @@ class Instances:
         if failed == fields.TERMINATED:
             return self.trace.termination(k)
         if failed in REASONS:
-            return self.trace.failure(f"it {REASONS[failed]}" + (f": {about}" if about else ""), k, time)
+            passed = "leave `tolerance` out, or choose a `run.step` at whose multiples they come"
+            fix = passed if failed == fields.PASSED else ""
+            return self.trace.failure(f"it {REASONS[failed]}" + (f": {about}" if about else ""), k, time, fix=fix)
         self._handles.lost[k] = status
         function = self.trace.name_of(failed) or "a function"
         return self.trace.failure(returned(function, about, status) + self._last_time(k, failed), k, time)

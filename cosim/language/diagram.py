@@ -22,6 +22,7 @@ from cosim.errors import (
     WrongType,
     WrongValue,
 )
+from cosim.integrators import Integration
 from cosim.language import grammar, source
 from cosim.language.embedding import Unfolded, unfold
 from cosim.language.entry import BlockEntry
@@ -50,6 +51,8 @@ class RunSettings:
     extrapolation: int
     integrator: str
     inner_steps: int
+    tolerance: float | None
+    absolute_tolerance: float | None
     patience: float
     nodes: dict[str, Node]
 
@@ -57,6 +60,11 @@ class RunSettings:
     def steps(self) -> int:
         """The number of communication steps up to `stop`."""
         return multiple(self.stop, self.step) or 0
+
+    @property
+    def integration(self) -> Integration:
+        """How blocks are integrated that do not say so themselves, and all under `joint`."""
+        return Integration(self.integrator, self.inner_steps, self.tolerance, self.absolute_tolerance)
 
 
 @dataclass
@@ -202,6 +210,7 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     unfolded = unfold(tree, path, files, reader)
     sections = {key: node.value for key, node in tree.value.items()}
     run = _run(tree, reader)
+    _check_integration(run, unfolded.blocks.values(), reader)
     given = sections.get("fleets", {})
     fleets = {name: node.value for name, node in read_named(DIAGRAM["fleets"], given, "fleets", reader).items()}
     wrong = given.keys() - fleets.keys()
@@ -237,6 +246,17 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
     if "stop" in nodes:
         _is_multiple(nodes["stop"], "run.stop", run.stop, run.step, reader)
     return run
+
+
+def _check_integration(run: RunSettings, blocks: Iterable[BlockEntry], reader: Reader) -> None:
+    """Report settings of the integration that contradict each other."""
+    if run.tolerance is not None and run.inner_steps > 1:
+        said = "`run.inner_steps` is how many equal steps there are, `run.tolerance` makes them as long as it allows"
+        reader.wrong(run.nodes["inner_steps"], said, "remove one of them", WrongValue)
+    tolerant = "tolerance" in run.nodes or any("tolerance" in entry.settings for entry in blocks)
+    if run.absolute_tolerance is not None and not tolerant:
+        said = "`run.absolute_tolerance` does nothing without a tolerance"
+        reader.wrong(run.nodes["absolute_tolerance"], said, "add `tolerance`, such as 1e-6", WrongValue)
 
 
 def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reader) -> bool:

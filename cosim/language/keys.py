@@ -78,6 +78,25 @@ def count(most: int = MOST) -> Type:
 
 
 EXTRAPOLATION = Type(lambda reader, node, where, _: reader.order(node, where, MOST_EXTRAPOLATION), "0 | 1 | 2")
+
+
+def between(least: float, most: float) -> Type:
+    """A number within bounds; None for anything else."""
+    words = f"number from {least:g} to {most:g}"
+
+    def read(reader: Reader, node: Node, where: str, _: Any) -> float | None:
+        before = len(reader.problems.errors)
+        value = reader.number(node, where, least)
+        if len(reader.problems.errors) > before:
+            return None
+        if least <= value <= most:
+            return value
+        reader.wrong(node, f"`{where}` must be a {words}, not {describe(node)}", "such as 1e-6", WrongValue)
+        return None
+
+    return Type(read, words)
+
+
 TEXT = Type(lambda reader, node, where, _: reader.text(node, where) or None, "text")
 TRUTH = Type(lambda reader, node, where, _: reader.truth(node, where), "true or false")
 NUMBER = Type(lambda reader, node, where, default: reader.number(node, where, default), "number")
@@ -86,6 +105,7 @@ POSITIVE = Type(
     "number above zero",
 )
 NOT_NEGATIVE = Type(lambda reader, node, where, default: reader.not_negative(node, where, default), "number from zero")
+TOLERANCE = between(1e-13, 0.1)
 SIGNAL = Type(lambda reader, node, where, _: node if reader.endpoint(node, where) else None, "block.port")
 NAMES = Type(lambda reader, node, where, _: node, "text, or a list of such")
 ANYTHING = Type(lambda reader, node, where, _: node)
@@ -172,12 +192,13 @@ BLOCK: dict[str, Key] = {
     "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=NATIVE),
     "integrator": Key("its own integrator; none: that of the run", choice(INTEGRATORS), kinds=NATIVE),
     "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
+    "tolerance": Key("of inner steps, and inside an FMU; none: that of the run", TOLERANCE, kinds=NATIVE),
+    "absolute_tolerance": Key("as that of the run", POSITIVE, kinds=NATIVE),
     "ports": Key("the FMU's variables behind each name of ours", below={ANY: Key("", VARIABLES)}, kinds=("fmu",)),
     "mode": Key("which interface of an FMU", choice(MODES), kinds=("fmu",)),
     "event_mode": Key(
         "whether FMI 3's Co-Simulation has one; auto: if the FMU can", choice(("auto", "on", "off")), kinds=("fmu",)
     ),
-    "tolerance": Key("relative, of what an FMU solves inside; none: its own", POSITIVE, kinds=("fmu",)),
     "start_time": Key("what an FMU's clock shows as the run begins", NUMBER, 0.0, unit="s", kinds=("fmu",)),
     "log": Key("which of its messages an FMU is to log", LOG, "errors", kinds=("fmu",)),
     "log_file": Key("where they are written as they come; none: the last ones are kept", TEXT, kinds=("fmu",)),
@@ -194,8 +215,14 @@ RUN: dict[str, Key] = {
     "extrapolation": Key("order of what blocks read between two communication points", EXTRAPOLATION, 0),
     "integrator": Key("of continuous states", choice(INTEGRATORS), "euler"),
     "inner_steps": Key("in how many steps of theirs a step is integrated", count(MOST_INNER_STEPS), 1),
+    "tolerance": Key(
+        "of the error of an inner step over a state's size, which sets that step; none: equal ones", TOLERANCE
+    ),
+    "absolute_tolerance": Key("added to it, in the state's unit; none: a thousandth of it", POSITIVE),
     "patience": Key("how long a call of an FMU may give no sign of life", POSITIVE, 10.0, unit="s"),
 }
+INTEGRATION = ("integrator", "inner_steps", "tolerance", "absolute_tolerance")
+"""What a block may say otherwise than the run of how its states are integrated."""
 RECORD: dict[str, Key] = {
     "period": Key("how often; none: at every step", POSITIVE, unit="s"),
     "signals": Key("what is recorded, block.port each", ANYTHING),

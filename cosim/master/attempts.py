@@ -36,7 +36,6 @@ from cosim.master.tables import (
     OK,
     PROPOSED,
     REJECT,
-    REJECTED,
     REPEAT,
     REPEATS,
     ROLLBACK,
@@ -47,6 +46,7 @@ from cosim.master.tables import (
     TICK,
     TICK_SIZE,
     TOLERANCE,
+    UNDONE,
     WARNING,
 )
 
@@ -71,7 +71,7 @@ def attempt(c: Any, base: int, control: int, bound: int) -> int:
         status = advance(c, base, time, later, numbers[STEP_SIZE])
         factor = judge(c, base, numbers[TOLERANCE], status, later)
         if factor < 1.0 and n > 1 and c[ROLLBACK] != 0 and status != FATAL:
-            c[REJECTED] += 1
+            c[UNDONE] += 1
             c[ENDING] = ending
             n = max(1, int(n * max(LEAST, SAFETY * factor)))
             status = perform(c, base, REJECT, REJECT, time)

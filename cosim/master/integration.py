@@ -1,56 +1,81 @@
-"""Takes a bank of states over one communication step with its integrator. One source, two engines, as in `loop.py`."""
+"""Takes a bank of states over one communication step: in equal inner steps, or in such as its tolerance allows.
+
+    x, d ← the states and their derivatives at the begin
+    until the end is reached:
+        h ← the next inner step, or so much of it as is left
+        x', error ← an inner step of the integrator from x
+        the next inner step ← h (0.9 / error)^(1/p) within limits      (error: the largest over what is tolerated)
+        where error ≤ 1: x ← x', d ← its derivatives
+
+After Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, II.4, which has the first step's size too.
+What is kept from one communication step to the next lies in the state segment. One source, two engines: see `loop.py`.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
-from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import reals_at, words_at
-from cosim.machine.stages import move
-from cosim.master.rows import operate
+from cosim.master.linear import HUGE
+from cosim.master.rosenbrock import linearize, rosenbrock_step, slope_at_begin
+from cosim.master.rows import differentiate, operate
+from cosim.master.runge_kutta import runge_kutta_step
 from cosim.master.tables import (
     BANK_WORDS,
     BANKS,
     BEGIN,
     BEGUN,
-    END,
+    CONTROLLED,
+    ELEMENT,
+    ESTIMATED,
     FIRST_BEGIN,
     FIRST_END,
+    HANDS_ON,
+    IMPLICIT,
     IN_PLACE,
-    INNER_BEGIN,
-    INNER_END,
+    INNER,
     INNER_STEPS,
+    MEMORY,
+    MEMORY_WORDS,
+    NEXT_STEP,
     OK,
-    SLOPES,
+    REACHED,
+    REJECTED,
     STAGES,
-    STATES,
+    STALLED,
     SUM,
-    TABLEAU,
+    TAKEN,
+    TOLERANCES,
     WARNING,
     D,
-    W,
     X,
+    part,
+    slope_of,
+    stage_of,
 )
+
+MOST_STEPS = 1_000_000  # in one communication step
+SAFETY, LEAST, MOST = 0.9, 0.2, 5.0  # of a step's size over the one before
+SMALLEST = 2.0**-48  # of a step over the time, of which 2**-52 can be told apart
+STRETCHED = 1.01  # by so much a step may be longer than planned, to be the last one
 
 
 def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
-    """Integrate one bank over one communication step with its own integrator and number of inner steps."""
+    """Integrate one bank over one communication step with its own integrator. Returns the status."""
     b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
+    if b[CONTROLLED] != 0:
+        return integrate_within_tolerance(c, base, b, begun, step)
     inner_steps = b[INNER_STEPS]
-    x = part(c, base, b, X)
-    w = x if b[IN_PLACE] != 0 else part(c, base, b, W)
-    d = part(c, base, b, D)
+    x, w, d = part(c, base, b, X), stage_of(c, base, b), part(c, base, b, D)
     h = step / inner_steps
     for s in range(inner_steps):
         time = begun + s * h
-        if s == 0:
-            status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], time, time)
-        else:
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], time, time)
+        c[INNER] += 1
+        status = begin(c, base, b, time, h, s == 0)
         if status > WARNING:
             return status
         if b[STAGES] > 1:
-            status = finish(c, base, b, x if s == 0 else w, w, d, time, h)
+            status = attempt(c, base, b, time, h)
             if status > WARNING:
                 return status
         elif s > 0 or b[IN_PLACE] != 0:
@@ -62,27 +87,138 @@ def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
     return OK
 
 
-def finish(c: Any, base: int, b: Any, origin: Any, w: Any, d: Any, time: float, h: float) -> int:
-    """End the inner step of several stages, of which the first one's derivatives are in `d` already."""
-    stages, stride = b[STAGES], c[STATES] * 8
-    begun, total = part(c, base, b, BEGUN), part(c, base, b, SUM)
-    slopes = base + c[SLOPES] + b[BEGIN] * 8
+def begin(c: Any, base: int, b: Any, time: float, h: float, first: bool) -> int:
+    """Begin an inner step from what is published, if it is the first one, else from the stage. Returns the status."""
+    if first:
+        status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], time, time)
+    else:
+        status = differentiate(c, base, b, time)
+    if status > WARNING or b[STAGES] == 1:
+        return status
+    w, begun = stage_of(c, base, b), part(c, base, b, BEGUN)
+    origin = part(c, base, b, X) if first else w
     for j in range(w.size):
         begun[j] = origin[j]
-    for stage in range(stages):
-        row = reals_at(base + b[TABLEAU] + stage * (HEAD + stages) * 8, HEAD + stages)
-        slope = reals_at(slopes + stage * stride, w.size)
-        for j in range(w.size):
-            slope[j] = d[j]
-        move(w, begun, h, row, slopes, stride, total)
-        if stage < stages - 1:
-            now = time + row[NODE] * h
-            status = operate(c, base, b[INNER_BEGIN], b[INNER_END], now, now)
-            if status > WARNING:
-                return status
+    if b[IMPLICIT] != 0:
+        if first:
+            for j in range(w.size):
+                w[j] = begun[j]
+        return linearize(c, base, b, time, h)
+    d, slope = part(c, base, b, D), slope_of(c, base, b, 0)
+    for j in range(w.size):
+        slope[j] = d[j]
     return OK
 
 
-def part(c: Any, base: int, b: Any, vector: int) -> Any:
-    """A bank's part of one of the vectors X, W, BEGUN, SUM, D."""
-    return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
+def attempt(c: Any, base: int, b: Any, time: float, h: float) -> int:
+    """An inner step of the bank's integrator, from BEGUN to the stage. Returns the status."""
+    if b[IMPLICIT] != 0:
+        return rosenbrock_step(c, base, b, time, h)
+    return runge_kutta_step(c, base, b, time, h)
+
+
+# ---- within a tolerance ----
+
+
+def integrate_within_tolerance(c: Any, base: int, b: Any, begun: float, step: float) -> int:
+    """Integrate over one communication step in inner steps whose estimated error is tolerated. Returns the status."""
+    memory, counts = reals_at(base + b[MEMORY], MEMORY_WORDS), words_at(base + b[MEMORY], MEMORY_WORDS)
+    done, rejected = 0.0, False
+    status = begin(c, base, b, begun, step, True)
+    if status <= WARNING and memory[NEXT_STEP] == 0.0:
+        status = plan_first(c, base, b, begun, step)
+    for _ in range(MOST_STEPS):
+        if status > WARNING:
+            return status
+        time, planned, left = begun + done, memory[NEXT_STEP], step - done
+        memory[REACHED] = time
+        c[INNER] += 1
+        h = fitted(planned, left)
+        status = attempt(c, base, b, time, h)
+        if status > WARNING:
+            return status
+        error = error_of(c, base, b)
+        memory[NEXT_STEP] = following(b, h, planned, error, rejected)
+        rejected = error > 1.0
+        counts[REJECTED if rejected else TAKEN] += 1
+        if not rejected and h == left:
+            return OK
+        if memory[NEXT_STEP] < SMALLEST * max(abs(time), SMALLEST * step):
+            return STALLED
+        if not rejected:
+            done += h
+            status = go_on(c, base, b, begun + done, memory[NEXT_STEP])
+    return STALLED
+
+
+def go_on(c: Any, base: int, b: Any, time: float, h: float) -> int:
+    """Begin the next inner step where one has ended. Returns the status."""
+    if b[HANDS_ON] == 0:
+        return begin(c, base, b, time, h, False)
+    w, begun = stage_of(c, base, b), part(c, base, b, BEGUN)
+    first, last = slope_of(c, base, b, 0), slope_of(c, base, b, b[STAGES] - 1)
+    for j in range(w.size):
+        begun[j] = w[j]
+        first[j] = last[j]
+    return OK
+
+
+def plan_first(c: Any, base: int, b: Any, time: float, step: float) -> int:
+    """The size of the very first step, of which a little one of Euler's gives an idea. Returns the status."""
+    memory = reals_at(base + b[MEMORY], MEMORY_WORDS)
+    x, w, d = part(c, base, b, BEGUN), stage_of(c, base, b), part(c, base, b, D)
+    f = slope_at_begin(base, b) if b[IMPLICIT] != 0 else slope_of(c, base, b, 0)
+    size, speed = norm(base, b, x, x), norm(base, b, f, x)
+    h = 0.01 * size / speed if size > 1e-5 and 1e-5 < speed * step < HUGE else 1e-6 * step
+    h = min(h, step)
+    for j in range(w.size):
+        w[j] = x[j] + h * f[j]
+    status = differentiate(c, base, b, time + h)
+    for j in range(w.size):
+        d[j] -= f[j]
+    fastest = max(speed, norm(base, b, d, x) / h)
+    wanted = (0.01 / fastest) ** (1.0 / b[ESTIMATED]) if 1e-15 < fastest * step < HUGE else h
+    memory[NEXT_STEP] = min(100.0 * h, wanted, step)
+    return status
+
+
+def fitted(planned: float, left: float) -> float:
+    """A step as planned, unless it ends with what is left; two equal ones rather than one that is very short."""
+    if left <= STRETCHED * planned:
+        return left
+    return min(planned, 0.5 * left)
+
+
+def following(b: Any, h: float, planned: float, error: float, rejected: bool) -> float:
+    """The next step (s) after one with an error, that may have been cut; rejected: whether the one before was."""
+    if not error < HUGE:
+        return LEAST * h
+    change = min(MOST, max(LEAST, SAFETY * error ** (-1.0 / b[ESTIMATED]))) if error > 0.0 else MOST
+    if rejected:
+        change = min(change, 1.0)
+    return max(change * h, planned) if change >= 1.0 else change * h
+
+
+def error_of(c: Any, base: int, b: Any) -> float:
+    """The largest error of a step over what is tolerated, HUGE for no number; ELEMENT is the offset of its state."""
+    x, w, error = part(c, base, b, BEGUN), stage_of(c, base, b), part(c, base, b, SUM)
+    tolerances = reals_at(base + b[TOLERANCES], 2)
+    worst = 0.0
+    for j in range(w.size):
+        over = abs(error[j]) / (tolerances[1] + tolerances[0] * max(abs(x[j]), abs(w[j])))
+        if not (over < HUGE and abs(w[j]) < HUGE):
+            over = HUGE
+        if over > worst:
+            worst = over
+            c[ELEMENT] = c[X] + (b[BEGIN] + j) * 8
+    return worst
+
+
+def norm(base: int, b: Any, values: Any, x: Any) -> float:
+    """The largest of values over what is tolerated of the states x; HUGE for no number."""
+    tolerances = reals_at(base + b[TOLERANCES], 2)
+    worst = 0.0
+    for j in range(x.size):
+        over = abs(values[j]) / (tolerances[1] + tolerances[0] * abs(x[j]))
+        worst = max(worst, over) if over < HUGE else HUGE
+    return worst

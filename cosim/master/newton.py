@@ -16,6 +16,7 @@ import math
 from typing import Any
 
 from cosim.machine.memory import reals_at, words_at
+from cosim.master.linear import HUGE, factor, substitute
 from cosim.master.tables import (
     AT,
     BLOCKS,
@@ -26,6 +27,7 @@ from cosim.master.tables import (
     ROW_BYTES,
     ROW_WORDS,
     ROWS,
+    UNKNOWNS_VECTORS,
     UNKNOWNS_WORDS,
     UNSOLVED,
     WARNING,
@@ -41,14 +43,12 @@ TOLERANCE = 1e-13  # of a residual, or of a step, over the unknown's size
 EPSILON = 2.0**-49  # of what f adds up: its rounding errors
 STEEPEST = 1e-6  # of an unknown: beyond this, rounding errors are no excuse, as a jump looks like a slope
 SETTLED = 3  # steps, after which an unknown that is far below the others may be rounding errors of theirs
-HUGE = 1e100  # from here on, an unknown is as good as none
 DIFFERENCE = 2.0**-26  # over the unknown's size
 NOISE = 2.0**-24  # of a matrix of relative changes: what differences make of a zero
 SINGULAR = 2.0**-40  # of a pivot, where the largest of its row and column is 1
 SMALLEST_PART = 2.0**-10  # of a step, that is tried where the whole leads astray
 #: Vectors over all unknowns in a loop's work space; behind them a matrix for each block.
-Z, F, R, STEP, KEPT, TRIAL, SIZE, ROUNDING = range(8)
-VECTORS = 8
+Z, F, R, STEP, KEPT, TRIAL, SIZE, ROUNDING, PIVOTS = range(UNKNOWNS_VECTORS)
 
 
 def solve(c: Any, base: int, o: int, time: float, later: float) -> int:
@@ -86,7 +86,8 @@ def solve(c: Any, base: int, o: int, time: float, later: float) -> int:
 def solve_block(base: int, u: Any, b: int) -> bool:
     """Solve the equations of block b for its step. Returns whether that can be."""
     columns = block_of(base, u, TRIAL, b)
-    return eliminate(matrix_of(base, u, b), block_of(base, u, STEP, b), columns, u[EQUATIONS])
+    x, pivots = block_of(base, u, STEP, b), pivots_of(base, u, b)
+    return eliminate(matrix_of(base, u, b), x, columns, pivots, u[EQUATIONS])
 
 
 def finish(c: Any, base: int, o: int, time: float, later: float) -> int:
@@ -272,10 +273,16 @@ def block_of(base: int, u: Any, number: int, b: int) -> Any:
     return reals_at(base + u[WORK] + (number * size + b * n) * 8, n)
 
 
+def pivots_of(base: int, u: Any, b: int) -> Any:
+    """Which rows of block b's matrix changed places."""
+    size, n = u[BLOCKS] * u[EQUATIONS], u[EQUATIONS]
+    return words_at(base + u[WORK] + (PIVOTS * size + b * n) * 8, n)
+
+
 def matrix_of(base: int, u: Any, b: int) -> Any:
     """The matrix of block b, row by row."""
     size, n = u[BLOCKS] * u[EQUATIONS], u[EQUATIONS]
-    return reals_at(base + u[WORK] + (VECTORS * size + b * n * n) * 8, n * n)
+    return reals_at(base + u[WORK] + (UNKNOWNS_VECTORS * size + b * n * n) * 8, n * n)
 
 
 def exchange(c: Any, base: int, o: int, values: Any, publish: bool) -> None:
@@ -335,38 +342,12 @@ def balance(matrix: Any, x: Any, columns: Any, n: int) -> None:
             matrix[i * n + j] /= columns[j]
 
 
-def eliminate(matrix: Any, x: Any, columns: Any, n: int) -> bool:
-    """Solve matrix x' = x by Gauss's elimination with partial pivoting, in place. Returns whether that can be."""
+def eliminate(matrix: Any, x: Any, columns: Any, pivots: Any, n: int) -> bool:
+    """Solve matrix x' = x, in place. Returns whether that can be."""
     balance(matrix, x, columns, n)
-    for p in range(n):
-        pivot = p
-        for i in range(p + 1, n):
-            if abs(matrix[i * n + p]) > abs(matrix[pivot * n + p]):
-                pivot = i
-        if not SINGULAR < abs(matrix[pivot * n + p]) < HUGE:
-            return False
-        if pivot != p:
-            swap(matrix, x, n, p, pivot)
-        for i in range(p + 1, n):
-            factor = matrix[i * n + p] / matrix[p * n + p]
-            for j in range(p + 1, n):
-                matrix[i * n + j] -= factor * matrix[p * n + j]
-            x[i] -= factor * x[p]
-    for p in range(n - 1, -1, -1):
-        for j in range(p + 1, n):
-            x[p] -= matrix[p * n + j] * x[j]
-        x[p] /= matrix[p * n + p]
+    if not factor(matrix, pivots, n, SINGULAR):
+        return False
+    substitute(matrix, pivots, x, n)
     for p in range(n):
         x[p] /= columns[p]
     return True
-
-
-def swap(matrix: Any, x: Any, n: int, p: int, q: int) -> None:
-    """Exchange two equations."""
-    for j in range(n):
-        kept = matrix[p * n + j]
-        matrix[p * n + j] = matrix[q * n + j]
-        matrix[q * n + j] = kept
-    kept = x[p]
-    x[p] = x[q]
-    x[q] = kept

@@ -6,7 +6,25 @@ from typing import Any
 
 from cosim.machine.memory import words_at
 from cosim.master.newton import solve
-from cosim.master.tables import KIND, LOOPS, OK, ROW_BYTES, ROW_WORDS, ROWS, SOLVE, WARNING, B, evaluate
+from cosim.master.tables import (
+    INNER_BEGIN,
+    INNER_END,
+    KIND,
+    LOOPS,
+    OK,
+    ROW_BYTES,
+    ROW_WORDS,
+    ROWS,
+    SOLVE,
+    WARNING,
+    B,
+    evaluate,
+)
+
+
+def differentiate(c: Any, base: int, b: Any, time: float) -> int:
+    """The derivatives of a bank's stage at a time (s), to D. Returns the status."""
+    return operate(c, base, b[INNER_BEGIN], b[INNER_END], time, time)
 
 
 def operate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.machine.memory import call, words_at
+from cosim.machine.memory import call, reals_at, words_at
 from cosim.master.histories import forget, push, trace
 
-# Status of a call and of a run: FMI's, and three more.
-OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS = range(8)
+# Status of a call and of a run: FMI's, and four more.
+OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS, STALLED = range(9)
 
 # The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
 PHASES = (
@@ -35,14 +35,32 @@ CALL, COPY, INTEGRATE, SOLVE, PUSH, TRACE, FORGET = range(7)
 # pieces of memory in which the unknowns lie, and the offset of work space; then the pieces: offset, bytes from one
 # block to the next, numbers in a block.
 UNKNOWNS_WORDS = 4
+UNKNOWNS_VECTORS = 9
 BLOCKS, EQUATIONS, PIECES, WORK = range(UNKNOWNS_WORDS)
 PIECE_WORDS = 3
 
 # A bank of states that are integrated together: its part of the state vector, whether stages are written in place,
 # inner steps, the rows that give the derivatives: from published values (first), from the stage's; and the integrator:
 # how many stages it has, and the offset of its tableau, see `cosim.integrators`.
-BANK_WORDS = 10
+BANK_WORDS = 16
 BEGIN, END, IN_PLACE, INNER_STEPS, FIRST_BEGIN, FIRST_END, INNER_BEGIN, INNER_END, STAGES, TABLEAU = range(10)
+(
+    CONTROLLED,  # whether inner steps are as long as the tolerance allows
+    TOLERANCES,  # the offset of the relative and the absolute one
+    ESTIMATED,  # with which power of an inner step its estimated error goes
+    HANDS_ON,  # whether the last slope of an inner step is the first of the next
+    MEMORY,  # the offset of what an error-controlled bank keeps from one communication step to the next
+    IMPLICIT,  # the offset of the equations of an implicit integrator; else 0
+) = range(10, BANK_WORDS)
+MEMORY_WORDS = 4
+NEXT_STEP, REACHED, TAKEN, REJECTED = range(MEMORY_WORDS)  # (s) and the time (s), float64; counts of inner steps
+
+# What an implicit integrator solves: systems of equations that do not depend on each other, how many states each has,
+# the offset of work space, whether derivatives depend on the time by itself; then, system by system, which states of
+# the bank. The work space has some vectors over all states, and of each system its Jacobian, and its factors.
+SYSTEMS_WORDS = 4
+SYSTEM_VECTORS = 4
+SYSTEMS, SYSTEM_SIZE, SYSTEM_WORK, TIMED = range(SYSTEMS_WORDS)
 
 # A clock, in ticks, and whether it is due at the communication point.
 CLOCK_WORDS = 3
@@ -59,7 +77,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 59
+CONTROL_WORDS = 60
 (
     ROWS,
     BANKS,
@@ -107,7 +125,7 @@ CONTROL_WORDS = 59
     HISTORIES,  # the offset of a table of the offsets of histories
     N_HISTORIES,
     PROPOSED,  # how many ticks the next step may be long
-    REJECTED,  # how many steps were shortened
+    UNDONE,  # how many steps were shortened
     COARSE,  # how many steps were too long, and yet the smallest
     SHORTEST,  # the shortest step so far, in ticks
     LONGEST,
@@ -120,7 +138,8 @@ CONTROL_WORDS = 59
     WATCHED,  # whose indicators they are
     N_WATCHED,
     LOOKED,  # whether they have been looked at
-) = range(59)
+    INNER,  # how many inner steps have been begun: a sign of life within a communication step
+) = range(CONTROL_WORDS)
 
 ENDED = 2  # what ENDING becomes
 
@@ -150,6 +169,21 @@ def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float)
         else:
             forget(base, row[A])
     return OK
+
+
+def part(c: Any, base: int, b: Any, vector: int) -> Any:
+    """A bank's part of one of the vectors X, W, BEGUN, SUM, D."""
+    return reals_at(base + c[vector] + b[BEGIN] * 8, b[END] - b[BEGIN])
+
+
+def stage_of(c: Any, base: int, b: Any) -> Any:
+    """The states of a bank's stage that is being evaluated."""
+    return part(c, base, b, X if b[IN_PLACE] != 0 else W)
+
+
+def slope_of(c: Any, base: int, b: Any, stage: int) -> Any:
+    """A bank's part of the slope of a stage, from 0."""
+    return reals_at(base + c[SLOPES] + stage * c[STATES] * 8 + b[BEGIN] * 8, b[END] - b[BEGIN])
 
 
 def copy(to: int, source: int, n: int) -> None:

@@ -96,11 +96,13 @@ class ResultWriter:
         steps: int = 0,
         seconds: Mapping[str, float] | None = None,
         conditions: Sequence[Mapping[str, Any]] = (),
+        inner_steps: Mapping[str, Any] | None = None,
     ) -> None:
         """Flush, note how the run ended, and close.
 
         status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
-        conditions: those that were judged along the run, with the fields of a `network.Finding`.
+        conditions: those that were judged along the run, with the fields of a `network.Finding`. inner_steps: of what
+        was integrated within a tolerance.
         """
         problem = None
         try:
@@ -109,7 +111,7 @@ class ResultWriter:
             problem, status, message = error, "failed", error.message
         last: dict[str, Any] = {"status": status, "message": message, "steps": steps}
         last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
-        last["accuracy"] = {}
+        last |= {"inner_steps": inner_steps or {}, "accuracy": {}}
         try:
             with as_result_error("write", self.path):
                 disk_space.reserve_bytes(self._file, attributes.size_of(last))

@@ -22,11 +22,12 @@ import numpy as np
 from cosim.authoring.declaration import Declaration
 from cosim.authoring.variables import Dimension, Variable
 from cosim.compiling.fingerprint.text import fingerprint
-from cosim.engine.compilation import Kernels
+from cosim.compiling.kernels import Kernels
 from cosim.engine.program import Program
 from cosim.errors import Position
 from cosim.language.diagram import Diagram, RunSettings
 from cosim.language.entry import BlockEntry
+from cosim.language.keys import INTEGRATION
 from cosim.language.source import Node
 from cosim.wiring import conditions
 from cosim.wiring.network import Component, Network
@@ -48,7 +49,7 @@ IGNORED: dict[type, set[str]] = {
     Dimension: {"description"},
 }
 """For each class the fields on which no figure depends, or that are in the key by another way."""
-IN_COMPONENT = {"per", "period", "offset", "integrator", "inner_steps"}
+IN_COMPONENT = {"per", "period", "offset", *INTEGRATION}
 """The settings of a block that are in the component, where it does not matter who said so."""
 
 _NO_FIGURES = ("plot", "report", "terminal")

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from cosim.authoring.variables import Input, Parameter, State
+from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program
-from cosim.engine.compilation import Kernels
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import (

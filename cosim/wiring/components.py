@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 from cosim.authoring.block import Block
 from cosim.authoring.variables import Period
 from cosim.errors import MissingParameter, TooManyInstances, UnknownParameter, WrongValue, nearest
+from cosim.integrators import INTEGRATORS, Integration
 from cosim.language.diagram import RunSettings
 from cosim.language.entry import BlockEntry
+from cosim.language.keys import INTEGRATION
 from cosim.language.source import Node
 from cosim.wiring import library, replacing
 from cosim.wiring.clocks import MOST_TICKS, Clock, exact, schedule
@@ -64,12 +67,18 @@ def _draft(draft: Draft, entry: BlockEntry) -> None:
 def _time(draft: Draft, component: Component) -> None:
     """When it is sampled, or how it is integrated."""
     given, run = component.entry.settings, draft.diagram.run
-    component.integrator = given["integrator"].value if "integrator" in given else run.integrator
-    component.inner_steps = given["inner_steps"].value if "inner_steps" in given else run.inner_steps
+    component.integration = run.integration if run.method == "joint" else _integration(component, run.integration)
     draft.problems.attempt(_sample, component, run)
-    for key in ("integrator", "inner_steps"):
+    for key in INTEGRATION:
         if key in given and not given[key].inherited:
             draft.problems.attempt(_check_integration, component, key, given[key], run.method)
+    draft.problems.attempt(_check_tolerance, component, run)
+
+
+def _integration(component: Component, run: Integration) -> Integration:
+    """How a component is integrated by itself. One that says how many equal steps takes no tolerance from the run."""
+    own = {key: node.value for key, node in component.entry.settings.items() if key in INTEGRATION}
+    return replace(run, **{**({"tolerance": None} if "inner_steps" in own else {}), **own})
 
 
 def _sample(component: Component, run: RunSettings) -> None:
@@ -91,6 +100,28 @@ def _sample(component: Component, run: RunSettings) -> None:
         message = f"block {component.name}: {declaration.name} {said}, and has no `period`"
         fix = f"add `period: {run.step:g}` (s) under blocks.{component.name}, or another"
         raise MissingParameter(message, component.entry.position, fix)
+
+
+def _check_tolerance(component: Component, run: RunSettings) -> None:
+    """Raises: WrongValue for a tolerance that an integrator cannot keep, or that stands beside equal steps."""
+    integration, name = component.integration, component.name
+    own = component.entry.settings if run.method != "joint" else {}
+    if not component.declaration.continuous():
+        return
+    if integration.tolerance is None:
+        if "absolute_tolerance" in own:
+            message = f"block {name}: `absolute_tolerance` does nothing without a tolerance"
+            raise WrongValue(message, own["absolute_tolerance"].place, "add `tolerance`, such as 1e-6")
+        return
+    if "inner_steps" in own:
+        message = f"block {name}: `inner_steps` is how many equal steps there are, `tolerance` makes them as it allows"
+        raise WrongValue(message, own["inner_steps"].place, "remove one of them")
+    if not integration.method.estimates:
+        said = f"`{integration.integrator}` does not estimate its error, so it cannot keep a tolerance"
+        given = own.get("integrator") or own.get("tolerance") or run.nodes.get("integrator") or run.nodes["tolerance"]
+        message = f"block {name}: {said}" if {"integrator", "tolerance"} & own.keys() else said
+        able = ", ".join(name for name, method in INTEGRATORS.items() if method.estimates)
+        raise WrongValue(message, given.place, f"choose one of {able}; or `inner_steps` for equal steps")
 
 
 def _check_integration(component: Component, key: str, node: Node, method: str) -> None:

@@ -68,7 +68,7 @@ def _held(draft: Draft, component: Component, port: str) -> str:
         return "under `joint` it is evaluated anew at every stage"
     if component.declaration.foreign:
         return "an FMU holds its inputs over a step"
-    if not component.declaration.continuous() or component.takes_one_euler_step:
+    if not component.declaration.continuous() or component.integration.is_one_euler_step:
         return f"{component.name} reads its inputs at communication points only"
     if component.samples_inputs:
         return f"{component.name} samples its inputs"

@@ -15,7 +15,7 @@ import numpy as np
 from cosim.authoring.declaration import Declaration, Function
 from cosim.authoring.variables import Indicator, Input, State, Variable
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
-from cosim.integrators import INTEGRATORS
+from cosim.integrators import Integration
 from cosim.language.diagram import BlockEntry, Diagram
 from cosim.language.reader import endpoint
 from cosim.language.swaps import Swap
@@ -127,13 +127,7 @@ class Component:
     wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
     couplings: dict[str, Coupling] = field(default_factory=dict)
     clock: Clock | None = None
-    integrator: str = "euler"
-    inner_steps: int = 1
-
-    @property
-    def takes_one_euler_step(self) -> bool:
-        """Whether its continuous states take the communication step at once, by their derivatives at its begin."""
-        return INTEGRATORS[self.integrator].count == 1 and self.inner_steps == 1
+    integration: Integration = field(default_factory=Integration)
 
     def shape(self, variable: Variable) -> tuple[int, ...]:
         """The shape of a variable in one instance."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cosim.errors import CosimError
-from cosim.integrators import INTEGRATORS
 from cosim.language.diagram import Diagram
 from cosim.language.swaps import Swap
 from cosim.wiring import conditions, order, windows
@@ -97,8 +96,7 @@ def describe(network: Network) -> Overview:
 def _higher_order(network: Network) -> bool:
     """Whether a block that reads others is integrated to an order above one."""
     return any(
-        INTEGRATORS[c.integrator].order > 1 and c.wires and c.declaration.continuous()
-        for c in network.components.values()
+        c.integration.method.order > 1 and c.wires and c.declaration.continuous() for c in network.components.values()
     )
 
 

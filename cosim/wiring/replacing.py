@@ -13,6 +13,7 @@ from cosim.authoring.variables import Input, Parameter, Variable
 from cosim.errors import CosimError, Problems
 from cosim.language import source, units
 from cosim.language.entry import SECTIONS, BlockEntry
+from cosim.language.keys import INTEGRATION
 from cosim.language.swaps import Lost, Swap, dropped, swap_of, take_out
 from cosim.wiring import library
 
@@ -39,7 +40,7 @@ def settle(entry: BlockEntry, declaration: Declaration, problems: Problems, code
         "dimensions": {*declaration.dimension_names(), *declaration.dimensions},
     }
     other = _other_units(entry, before, known) if before else []
-    for key in ("integrator", "inner_steps"):
+    for key in INTEGRATION:
         node = entry.settings.get(key)
         if node and node.inherited and not declaration.continuous():
             entry.unfit[key] = entry.settings.pop(key)

@@ -16,6 +16,7 @@ from cosim.wiring import (
     given_values,
     integers,
     matching,
+    members,
     merging,
     named_signals,
     order,
@@ -41,6 +42,8 @@ def wire(diagram: Diagram, problems: Problems | None = None, code: bool = True) 
     draft.absent.report_outputs(draft.components, draft.problems)
     draft.absent.report_blocks(draft.components, draft.problems)
     conditions.check(draft.components, draft.components, draft.problems)
+    if draft.is_whole() and not draft.problems.errors:
+        members.report_large(draft.network(), draft.problems)
     note_inherited(diagram, draft.problems)
     draft.problems.raise_if_any()
     return draft.network()

@@ -188,7 +188,7 @@ def test_a_kernel_that_never_ends_hears_patience_and_ctrl_c(tmp_path, interrupte
 
 def test_what_a_method_would_ignore_is_refused(wired):
     text = "run: {stop: 1, step: 0.1}\nblocks:\n  o: {type: Oscillator, inner_steps: 3}\n"
-    assert wired(text).components["o"].inner_steps == 3
+    assert wired(text).components["o"].integration.inner_steps == 3
     with pytest.raises(DiagramErrors, match=r"diagram.yaml:3:\d+: block o: `inner_steps` is ignored under `joint`"):
         wired(text, "run.method=joint")
     with pytest.raises(DiagramErrors) as caught:

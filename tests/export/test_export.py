@@ -307,3 +307,41 @@ def test_an_export_replaces_its_own_fmu_and_nothing_else(network, fmus, folder):
             export_fmu(network, ["filter"], path)
         assert (path.read_bytes() if path.is_file() else None) == before
     assert not [p for p in folder.iterdir() if p.name.startswith(".")]
+
+
+STIFF = """
+run: {{stop: 200, step: 4, integrator: {integrator}, tolerance: 1.0e-6}}
+blocks:
+  o: {{type: VanDerPol, parameters: {{mu: 30}}}}
+  f: {{type: Follow, inputs: {{u: o.x}}}}
+"""
+
+
+@pytest.mark.parametrize("mode", ["co-simulation", "model-exchange"])
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("integrator", ["dormand-prince", "rodas5p"])
+def test_steps_within_a_tolerance_are_the_same_in_an_fmu(write, trajectories, tmp_path, version, mode, integrator):
+    """Co-Simulation takes the steps inside, Model Exchange has them taken; either remembers the last one."""
+    path = write(STIFF.format(integrator=integrator))
+    network = run.load(path)
+    fmu = export_fmu(network, ["o"], tmp_path / "o.fmu", version)
+
+    swapped = run.load(path, [f"blocks.o.mode={mode}"], [f"o={fmu}"])
+    expected, got = (trajectories(one, "o.x", "o.v", "f.x") for one in (network, swapped))
+    for name in expected:
+        assert expected[name].tobytes() == got[name].tobytes(), name
+    assert np.ptp(expected["o.x"]) > 3.9  # it has jumped
+    if mode == "model-exchange":
+        jointly = run.load(path, [f"blocks.o.mode={mode}", "run.method=joint"], [f"o={fmu}"])
+        np.testing.assert_allclose(trajectories(jointly, "o.x")["o.x"], expected["o.x"], rtol=2e-3)
+
+
+def test_an_fmu_says_where_no_step_keeps_the_tolerance(write, trajectories, tmp_path):
+    """As Co-Simulation it fails like any FMU, with words of its own."""
+    text = (
+        "run: {stop: 9, step: 3, integrator: heun, tolerance: 1.0e-6}\nblocks:\n  p: {type: Riccati, start: {y: 2}}\n"
+    )
+    path = write(text)  # y = 1/(1/2 - sin t), with a pole at pi/6
+    fmu = export_fmu(run.load(path), [], tmp_path / "p.fmu")
+    outcome = run.Run(run.load(path, ["blocks.p.mode=co-simulation"], [f"p={fmu}"])).execute()
+    assert outcome.status == "failed" and "no inner step keeps the tolerance" in str(outcome.error)

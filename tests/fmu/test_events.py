@@ -194,3 +194,24 @@ def test_a_study_says_which_runs_an_fmu_ended(diagram, write, tmp_path):
     rows = list(running.run(study, running.Options(tmp_path / "results")).rows())
     assert [row["status"] for row in rows] == ["terminated", "completed"]
     assert "block plant (stair3.fmu, robot 2) ended the simulation at t = 2.1 s" in rows[0]["reason"]
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
+@pytest.mark.parametrize("how", ["integrator: rodas4", "integrator: dormand-prince, tolerance: 1.0e-6"])
+def test_where_stages_are_not_known_time_events_come_at_communication_points(
+    diagram, trajectories, version, method, how, engine
+):
+    """Between two of them, such an integrator does not stop: the run ends there with the FMU's name and the fix."""
+    path = diagram(version, 1, method=method, integrator=how.partition(" ")[2].partition(",")[0], step=0.1, jump=0.25)
+    settings = ["run.tolerance=1e-6"] if "tolerance" in how else []
+    got = trajectories(run.load(path, settings), "plant.counter", "plant.x", engine=engine)
+    times = 0.1 * np.arange(61)
+    for robot, period in enumerate((1, 0.7)):
+        assert np.array_equal(got["plant.counter"][:, robot], counted(times, period))
+        assert got["plant.x"][:, robot] == pytest.approx(integral(times, period, 0.25), rel=1e-9, abs=1e-9)
+    outcome = Run(run.load(path, [*settings, "run.step=0.3"]), engine=engine).execute()
+    assert outcome.status == "failed" and outcome.error.position.line > 1
+    assert "has a time event inside a step" in outcome.error.message and "plant" in outcome.error.message
+    assert "run.step" in outcome.error.fix

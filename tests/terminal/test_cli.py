@@ -370,3 +370,16 @@ def test_a_mistake_in_the_command_line_is_an_error_as_all_others_are(capsys, wor
     assert cli.main([*words.split(), "--json"]) == 2
     if words.startswith("run"):
         assert message in json.loads(capsys.readouterr().out)["error"]
+
+
+def test_inner_steps_are_told(cosim, write):
+    settings = "stop: 10, step: 1, integrator: rodas4, tolerance: 1.0e-4"
+    path = write(f"run: {{{settings}}}\nblocks:\n  o: {{type: Oscillator}}\n")
+    code, out, _ = cosim("run", path)
+    assert code == 0 and "inner steps within tolerance: o " in out and " rejected)" in out
+    code, out, _ = cosim("run", path, "--json")
+    steps = json.loads(out)["inner_steps"]
+    assert steps["o"]["taken"] > 10
+    with result_file.open_result(Path("results/diagram.nc")) as result:
+        assert result.attrs["inner_steps"] == steps
+        assert result.attrs["settings"]["tolerance"] == 1e-4

@@ -37,7 +37,8 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
 
 
 def _is_in_place(component: Component) -> bool:
-    return component.takes_one_euler_step and not order.needed_outputs(component) and not component.couplings
+    held = not order.needed_outputs(component) and not component.couplings
+    return component.integration.is_one_euler_step and held
 
 
 def _bank(writer: Writer, component: Component) -> int:
@@ -45,14 +46,7 @@ def _bank(writer: Writer, component: Component) -> int:
     in_place = _is_in_place(component)
     first = writer.derivatives([component])
     inner = writer.stage(component, hidden=not in_place)
-    return writer.bank(
-        writer.layout.part(component),
-        in_place,
-        component.integrator,
-        component.inner_steps,
-        first if in_place else inner,
-        inner,
-    )
+    return writer.bank([component], in_place, component.integration, first if in_place else inner, inner)
 
 
 def _integrate(writer: Writer, component: Component, bank: int) -> None:

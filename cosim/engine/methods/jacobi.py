@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cosim.engine.writer import Writer
+from cosim.integrators import Integration
 from cosim.wiring.network import Component, Loop, Task
 from cosim.wiring.order import has_turn
 
@@ -21,7 +22,7 @@ def advance(writer: Writer, _tasks: Sequence[Task | Loop]) -> None:
     """Write ADVANCE, which follows from what is published alone, whatever the order of evaluation."""
     components = list(writer.network.components.values())
     continuous = [component for component in components if component.declaration.continuous()]
-    single = all(component.takes_one_euler_step for component in continuous)
+    single = all(component.integration.is_one_euler_step for component in continuous)
     banks = _at_once(writer, continuous) if single else [_bank(writer, component) for component in continuous]
     begin = writer.begin()
     for component in filter(has_turn, components):
@@ -37,10 +38,10 @@ def _at_once(writer: Writer, components: Sequence[Component]) -> list[int]:
     """One bank of all states, each block's derivatives at what is published."""
     first = writer.derivatives(components)
     none = (first[1], first[1])
-    return [writer.bank((0, writer.layout.states), True, "euler", 1, first, none)] if components else []
+    return [writer.bank(components, True, Integration(), first, none)] if components else []
 
 
 def _bank(writer: Writer, component: Component) -> int:
     first = writer.derivatives([component])
     inner = writer.stage(component, hidden=True)
-    return writer.bank(writer.layout.part(component), False, component.integrator, component.inner_steps, first, inner)
+    return writer.bank([component], False, component.integration, first, inner)

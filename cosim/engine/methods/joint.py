@@ -23,9 +23,7 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     inner = writer.begin()
     writer.tasks(order.continuous(writer.network, tasks))
     writer.derivatives(components)
-    run = writer.network.diagram.run
-    states = 0, writer.layout.states
-    bank = writer.bank(states, True, run.integrator, run.inner_steps, first, writer.end(inner))
+    bank = writer.bank(components, True, writer.network.diagram.run.integration, first, writer.end(inner))
     begin = writer.begin()
     writer.integrate(bank)
     writer.phase("ADVANCE", begin)

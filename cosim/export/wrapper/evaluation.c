@@ -37,6 +37,8 @@ static Status explain(Instance *i, int32_t status, double time) {
     }
     if (status == ENGINE_RESTLESS)
         return tell(i, ERROR, LOG_ERROR, "events follow each other without end after t = %g s", time);
+    if (status == ENGINE_STALLED)
+        return tell(i, ERROR, LOG_ERROR, "no inner step keeps the tolerance after t = %g s", time);
     for (uint32_t l = 0; status == ENGINE_UNSOLVED && l < model.n_loops; l++)
         if (model.loops[l].row == c[ENGINE_AT])
             return tell(i, ERROR, LOG_ERROR, "no solution was found of the algebraic loop of %s at t = %g s, for %s",

@@ -93,6 +93,9 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Cert
     print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
     if outcome.stepping:
         screen.say(str(outcome.stepping))
+    if outcome.inner_steps:
+        counts = [f"{name} {n['taken']} ({n['rejected']} rejected)" for name, n in outcome.inner_steps.items()]
+        screen.print_wrapped(f"inner steps within tolerance: {', '.join(counts)}", 2)
     screen.say(f"recorded in {outcome.results}")
     for swap in outcome.swaps:
         screen.say(swap)
