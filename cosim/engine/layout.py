@@ -14,8 +14,7 @@ import numpy as np
 
 from cosim.authoring.declaration import Function, variable_of
 from cosim.authoring.variables import CalculatedParameter, Indicator, Input, Local, Output, Parameter, State, Variable
-from cosim.engine import inputs
-from cosim.engine.allocation import Allocation, Place
+from cosim.engine.allocation import Allocation, Place, connect, remember
 from cosim.master import tables
 from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Network, Signal
@@ -64,11 +63,11 @@ class Layout(Allocation):
             self._lay_out_hidden(component)
         for component in components:
             for port in component.wires:
-                inputs.connect(self, component, port)
+                connect(self, component, port)
         self.repeated = self.allocate(0)
         for component in components:
             for port in component.couplings:
-                inputs.remember(self, component, port)
+                remember(self, component, port)
         self.changing = self.allocate(0)
         for component in components:
             for parameter in component.declaration.of(Parameter):
@@ -101,6 +100,11 @@ class Layout(Allocation):
     def derivative(self, state: Place) -> Place:
         """Where the derivative of a continuous state lies."""
         return state.moved(self.vectors["D"] - self.vectors["X"])
+
+    def part(self, component: Component) -> tuple[int, int]:
+        """Where a component's continuous states are in the state vector: the first, and the one after the last."""
+        places = self.states_of(component)
+        return int(places.min()), int(places.max()) + 1
 
     def states_of(self, component: Component) -> np.ndarray:
         """The places of a component's continuous states in the state vector, (instances, states of each)."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.compiling.kernels import Kernels
-from cosim.engine import compilation, program, stability
+from cosim.engine import compilation, program, stability, step_counts
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes, Samples
 from cosim.engine.program import Program
@@ -222,24 +222,11 @@ class Run:
             where = " ".join(("no condition was judged: interrupted", *getattr(stopped, "__notes__", [])))
             return [], [CosimError(where)], stopped.number
 
-    def _coarse(self) -> list[CosimError]:
-        """A warning of steps that were longer than the tolerance allows."""
-        stepping, run = self.simulation.stepping, self.network.diagram.run
-        if not stepping or not stepping.coarse:
-            return []
-        message = f"{stepping.coarse} of {self.simulation.steps} steps miss run.coupling_tolerance"
-        why, fix = "and the next could only be shorter", "write run.rollback: true, or a smaller run.step"
-        if run.rollback:
-            why, fix = (
-                f"at the smallest step of {stepping.shortest:.3g} s",
-                "choose a smaller run.smallest_step",
-            )
-        return [CosimError(f"{message}, {why}", run.nodes["coupling_tolerance"].place, fix)]
-
     def _outcome(self, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
         diagram = self.network.diagram
         judged, warnings, signal = self._judged()
         failed = [conditions.as_warning(self.network, finding) for finding in judged if finding.holds is False]
+        coarse = _coarse(self.network, self.simulation)
         return Outcome(
             diagram=str(diagram.path),
             status="interrupted" if signal else status,
@@ -250,17 +237,38 @@ class Run:
             seconds={name: round(value, 6) for name, value in self.seconds.items()},
             metrics=figures,
             results=str(self.output) if self.output else None,
-            inner_steps=self.simulation.inner_steps,
+            inner_steps=step_counts.inner_steps(self._program, self.simulation.arena),
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[*self.reductions.warnings, *self._unstable, *warnings, *failed, *self._coarse()],
+            warnings=[
+                *self.reductions.warnings,
+                *self._unstable,
+                *warnings,
+                *failed,
+                *coarse,
+            ],
             conditions=judged,
             units=self.reductions.units,
             windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
-            stepping=self.simulation.stepping,
+            stepping=step_counts.stepping(self._program, self.simulation.control),
         )
+
+
+def _coarse(network: Network, simulation: Simulation) -> list[CosimError]:
+    """A warning of steps that were longer than the tolerance allows."""
+    stepping, run = step_counts.stepping(simulation.program, simulation.control), network.diagram.run
+    if not stepping or not stepping.coarse:
+        return []
+    message = f"{stepping.coarse} of {simulation.steps} steps miss run.coupling_tolerance"
+    why, fix = "and the next could only be shorter", "write run.rollback: true, or a smaller run.step"
+    if run.rollback:
+        why, fix = (
+            f"at the smallest step of {stepping.shortest:.3g} s",
+            "choose a smaller run.smallest_step",
+        )
+    return [CosimError(f"{message}, {why}", run.nodes["coupling_tolerance"].place, fix)]
 
 
 def _close(writer: ResultWriter, outcome: Outcome) -> None:

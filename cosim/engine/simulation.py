@@ -19,7 +19,6 @@ from cosim.compiling.kernels import Kernels
 from cosim.engine import failures, hosts
 from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
-from cosim.engine.outcome import Stepping
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
 from cosim.errors import CosimError
@@ -149,29 +148,9 @@ class Simulation:
         return int(self.control[tables.STEPS])
 
     @property
-    def stepping(self) -> Stepping | None:
-        """The communication steps that a tolerance chose, if one did."""
-        if not self.program.attempts.tolerance:
-            return None
-        words = (tables.SHORTEST, tables.LONGEST, tables.UNDONE, tables.COARSE)
-        shortest, longest, rejected, coarse = (int(self.control[word]) for word in words)
-        return Stepping(self.program.time(shortest), self.program.time(longest), rejected, coarse)
-
-    @property
     def time(self) -> float:
         """The simulated time (s)."""
         return self.program.time(self.done)
-
-    @property
-    def inner_steps(self) -> dict[str, dict[str, int]]:
-        """How many were taken and rejected so far of each block within a tolerance, or of all, called joint."""
-        found = {}
-        for bank in self.program.banks:
-            if bank[tables.CONTROLLED]:
-                memory = self.arena[bank[tables.MEMORY] :][: 8 * tables.MEMORY_WORDS].view(np.int64)
-                counts = {"taken": int(memory[tables.TAKEN]), "rejected": int(memory[tables.REJECTED])}
-                found[self.program.name_of(bank)] = counts
-        return found
 
     def batches(self, wanted: Callable[[], bool] = supervision.never) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,8 @@ from cosim.authoring.declaration import Function
 from cosim.compiling.frame import frame_of
 from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout
-from cosim.integrators import Integration
 from cosim.master import tables
-from cosim.wiring import members, order
+from cosim.wiring import order
 from cosim.wiring.network import Component, Coupling, Loop, Network, Signal, Task
 
 Range = tuple[int, int]
@@ -47,7 +46,7 @@ class Writer:
         self.phases: dict[str, Range] = {}
         self.started: list[tuple[int, Signal]] = []
         self.loops: dict[int, Loop] = {}
-        self._tableaus: dict[str, int] = {}
+        self.tableaus: dict[str, int] = {}
         self._clocks = {clock: k + 1 for k, clock in enumerate(self.network.schedule.clocks)}
         self.watching = {c.name: len(self._clocks) + k + 1 for k, c in enumerate(self.network.watched)}
 
@@ -124,7 +123,7 @@ class Writer:
 
     def copy_states(self, to: str, source: str, component: Component | None = None) -> None:
         """Copy a vector over the continuous states to another, of one component or all: X is published, W a stage."""
-        begin, end = self.part([component]) if component else (0, self.layout.states)
+        begin, end = self.layout.part(component) if component else (0, self.layout.states)
         vectors = self.layout.vectors
         self.copy(vectors[to] + 8 * begin, vectors[source] + 8 * begin, 8 * (end - begin))
 
@@ -209,52 +208,3 @@ class Writer:
         for function in (*order.needed_outputs(component), *component.declaration.kind("derivatives")):
             self.call(component, function, stage=True, hidden=hidden)
         return self.end(begin)
-
-    def bank(
-        self, components: Sequence[Component], in_place: bool, integration: Integration, first: Range, inner: Range
-    ) -> int:
-        """The states of components that are integrated together, of one or of all.
-
-        first, inner: the rows that give derivatives, from what is published and at a stage; in_place: stages are
-        written over what is published.
-        """
-        method = integration.method
-        if integration.integrator not in self._tableaus:
-            self._tableaus[integration.integrator] = self.layout.constant(np.array(method.words()))
-        row = dict.fromkeys(range(tables.BANK_WORDS), 0)
-        row[tables.BEGIN], row[tables.END] = self.part(components)
-        row[tables.IN_PLACE], row[tables.INNER_STEPS] = int(in_place), integration.inner_steps
-        row[tables.FIRST_BEGIN], row[tables.FIRST_END] = first
-        row[tables.INNER_BEGIN], row[tables.INNER_END] = inner
-        row[tables.STAGES], row[tables.TABLEAU] = method.count, self._tableaus[integration.integrator]
-        row[tables.CONTROLLED] = int(integration.tolerance is not None)
-        row[tables.TOLERANCES] = self.layout.constant(np.array(integration.tolerances))
-        row[tables.ESTIMATED], row[tables.HANDS_ON] = method.order, int(method.ends_with_slope)
-        row[tables.MEMORY] = self.layout.memory + 8 * tables.MEMORY_WORDS * len(self.banks)
-        if method.is_implicit:
-            row[tables.IMPLICIT] = self._equations(components, inner)
-        self.banks.append([*row.values()])
-        return len(self.banks) - 1
-
-    def _equations(self, components: Sequence[Component], inner: Range) -> int:
-        """The offset of what an implicit integrator solves for the states of components."""
-        found = [self.layout.states_of(component) for component in components]
-        if len(components) == 1 or members.are_apart(self.network):
-            states = np.concatenate([part for part in found if part.size], axis=1)
-        else:
-            states = np.concatenate([part.reshape(-1) for part in found])[None]
-        systems, size = states.shape
-        timed = any(None in self.calls[row[tables.A]].arguments for row in self._calls(inner))
-        work = self.layout.allocate(8 * states.size * (tables.SYSTEM_VECTORS + 2 * size))
-        words = [systems, size, work, int(timed), *(states - self.part(components)[0]).reshape(-1)]
-        return self.layout.constant(np.array(words, np.int64))
-
-    def _calls(self, rows: Range) -> list[list[int]]:
-        return [row for row in self.rows[slice(*rows)] if row[tables.KIND] == tables.CALL]
-
-    def part(self, components: Sequence[Component]) -> Range:
-        """Where the continuous states of components that stand side by side are in the state vector."""
-        sizes = [self.layout.states_of(component).size for component in components]
-        first = next((c for c, size in zip(components, sizes, strict=True) if size), None)
-        begin = int(self.layout.states_of(first).min()) if first else 0
-        return begin, begin + sum(sizes)

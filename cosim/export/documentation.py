@@ -125,12 +125,9 @@ def _settings(description: ModelDescription) -> Iterator[str]:
     )
     for component in model.network.components.values():
         if component.declaration.continuous():
-            steps = (
-                f", {component.integration.inner_steps} steps in each inner step"
-                if component.integration.inner_steps > 1
-                else ""
-            )
-            yield f"{component.name} is integrated by `{component.integration.integrator}`{steps}, with its inputs held."
+            integration = component.integration
+            steps = f", {integration.inner_steps} steps in each inner step" if integration.inner_steps > 1 else ""
+            yield f"{component.name} is integrated by `{integration.integrator}`{steps}, with its inputs held."
         if component.declaration.kind("update"):
             yield f"{component.name} is sampled {component.clock}."
         for port, sources in component.wires.items():

@@ -22,7 +22,7 @@ from __future__ import annotations
 from typing import Any
 
 from cosim.fmu.event_mode import communication_step, enter_event_mode, leave_event_mode, reals_of, settle
-from cosim.fmu.exchange import begin_events, differentiate, end_events, indicate, prepare, pull_states
+from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
 from cosim.fmu.fields import (
     ADVANCE,
     BEGIN_EVENTS,
@@ -85,14 +85,13 @@ from cosim.fmu.fields import (
     WARNINGS,
 )
 from cosim.fmu.going_back import go_back, keep_state
+from cosim.fmu.indicators import indicate
 from cosim.fmu.transfer import bad, get_outputs, give_up, set_inputs
 from cosim.machine.memory import integers_at, reals_at, words_at
 
 
 def adapt(time: float, base: int, frame: int) -> int:
-    """The kernel: do what the plan says for every instance, up to the first that fails. Returns the status.
-
-    Below it, all times are the FMU's own: those of the loop and its start time.
+    """The kernel: do what the plan says for every instance, up to the first that fails, by the FMU's own clock.
 
     ==============  ====================================================================================
     NOTHING         nobody looks at what it would get
@@ -105,8 +104,7 @@ def adapt(time: float, base: int, frame: int) -> int:
     DIFFERENTIATE   Model Exchange: derivatives from time, states and inputs
     BEGIN_EVENTS    Model Exchange: look for events of the step that ends now, and go into Event Mode for them
     END_EVENTS      Model Exchange: handle them with the inputs of this point; they may change states
-    KEEP_STATE      keep the FMU state, and what of ours goes with it
-    GO_BACK         be in the state again that is kept
+    KEEP_STATE      keep the FMU state, and what of ours goes with it; GO_BACK: be in it again
     INDICATE        Model Exchange: event indicators from time, states and inputs
     ==============  ====================================================================================
     """

@@ -41,7 +41,6 @@ from cosim.fmu.fields import (
     GET_STATES,
     HANDLE,
     HANDLED,
-    INDICATOR_SLOT,
     INDICATOR_VALUES,
     INDICATORS,
     INNER_STEPS,
@@ -126,22 +125,6 @@ def differentiate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, 
                 return True
     r[STAGE] = (stage + 1) % max(1, link[STAGES])
     scatter(base, link, plan[DERIVATIVE_MAP], f, k, source)
-    return False
-
-
-def indicate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
-    """The event indicators to the arena."""
-    if r[ENDS] != 0:
-        return False
-    if prepare(time, base, link, plan, f, r, info, k):
-        return True
-    n = link[INDICATORS]
-    if bad(link, link[GET_INDICATORS], (r[HANDLE], link[SIGNS], n)):
-        return True
-    slot = plan[INDICATOR_SLOT]
-    found, to = reals_at(link[SIGNS], n), reals_at(base + f[slot] + k * f[slot + 1], n)
-    for j in range(n):
-        to[j] = found[j]
     return False
 
 

@@ -34,6 +34,8 @@ from cosim.master.tables import (
     IMPLICIT,
     IN_PLACE,
     INNER,
+    INNER_BEGIN,
+    INNER_END,
     INNER_STEPS,
     MEMORY,
     MEMORY_WORDS,
@@ -89,10 +91,8 @@ def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
 
 def begin(c: Any, base: int, b: Any, time: float, h: float, first: bool) -> int:
     """Begin an inner step from what is published, if it is the first one, else from the stage. Returns the status."""
-    if first:
-        status = operate(c, base, b[FIRST_BEGIN], b[FIRST_END], time, time)
-    else:
-        status = differentiate(c, base, b, time)
+    rows, last = (b[FIRST_BEGIN], b[FIRST_END]) if first else (b[INNER_BEGIN], b[INNER_END])
+    status = operate(c, base, rows, last, time, time)
     if status > WARNING or b[STAGES] == 1:
         return status
     w, begun = stage_of(c, base, b), part(c, base, b, BEGUN)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cosim.engine.banks import new_bank
 from cosim.engine.writer import Writer
 from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Task
@@ -46,7 +47,7 @@ def _bank(writer: Writer, component: Component) -> int:
     in_place = _is_in_place(component)
     first = writer.derivatives([component])
     inner = writer.stage(component, hidden=not in_place)
-    return writer.bank([component], in_place, component.integration, first if in_place else inner, inner)
+    return new_bank(writer, [component], in_place, component.integration, first if in_place else inner, inner)
 
 
 def _integrate(writer: Writer, component: Component, bank: int) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cosim.engine.banks import new_bank
 from cosim.engine.writer import Writer
 from cosim.integrators import Integration
 from cosim.wiring.network import Component, Loop, Task
@@ -38,10 +39,10 @@ def _at_once(writer: Writer, components: Sequence[Component]) -> list[int]:
     """One bank of all states, each block's derivatives at what is published."""
     first = writer.derivatives(components)
     none = (first[1], first[1])
-    return [writer.bank(components, True, Integration(), first, none)] if components else []
+    return [new_bank(writer, components, True, Integration(), first, none)] if components else []
 
 
 def _bank(writer: Writer, component: Component) -> int:
     first = writer.derivatives([component])
     inner = writer.stage(component, hidden=True)
-    return writer.bank([component], False, component.integration, first, inner)
+    return new_bank(writer, [component], False, component.integration, first, inner)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cosim.engine.banks import new_bank
 from cosim.engine.writer import Writer
 from cosim.errors import FmuError
 from cosim.wiring import order
@@ -23,7 +24,7 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     inner = writer.begin()
     writer.tasks(order.continuous(writer.network, tasks))
     writer.derivatives(components)
-    bank = writer.bank(components, True, writer.network.diagram.run.integration, first, writer.end(inner))
+    bank = new_bank(writer, components, True, writer.network.diagram.run.integration, first, writer.end(inner))
     begin = writer.begin()
     writer.integrate(bank)
     writer.phase("ADVANCE", begin)
