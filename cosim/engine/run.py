@@ -194,21 +194,9 @@ class Run:
 
     def _writer(self) -> ResultWriter:
         assert self.output is not None
-        diagram = self.network.diagram
-        names = "stop", "step", "method", "extrapolation", "coupling_tolerance", *INTEGRATION
-        known = {key: getattr(diagram.run, key) for key in names}
-        settings = {key: value for key, value in known.items() if value is not None}
-        attributes = {
-            "title": diagram.title,
-            "diagram": diagram.resolved(),
-            "settings": settings,
-            "method": diagram.run.method,
-            "engine": self.engine,
-            "reductions": self.reductions.meanings,
-            **self.attributes,
-        }
+        attributes = {"engine": self.engine, "reductions": self.reductions.meanings, **self.attributes}
         recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]
-        return ResultWriter(self.output, recorded, attributes)
+        return ResultWriter(self.output, recorded, {**_settings(self.network.diagram), **attributes})
 
     def _judged(self) -> tuple[list[Finding], list[CosimError], int]:
         """The conditions along the run, warnings of others, and the number of a signal that ended a rule, or 0.
@@ -269,6 +257,15 @@ def _coarse(network: Network, simulation: Simulation) -> list[CosimError]:
             "choose a smaller run.smallest_step",
         )
     return [CosimError(f"{message}, {why}", run.nodes["coupling_tolerance"].place, fix)]
+
+
+def _settings(diagram: Diagram) -> dict[str, Any]:
+    """What a result says of the diagram that it is of."""
+    names = "stop", "step", "method", "extrapolation", "coupling_tolerance", *INTEGRATION
+    known = {key: getattr(diagram.run, key) for key in names}
+    settings = {key: value for key, value in known.items() if value is not None}
+    text = diagram.resolved()
+    return {"title": diagram.title, "diagram": text, "settings": settings, "method": diagram.run.method}
 
 
 def _close(writer: ResultWriter, outcome: Outcome) -> None:
