@@ -169,6 +169,18 @@ class Watch(Measure):
             next_log[0, 1] = time
 
 
+class Strict(Block):
+    """y = u, which must not be below zero."""
+
+    u = Input()
+    y = Output()
+
+    def outputs(u, y):
+        if u < 0.0:
+            raise ValueError("below zero")
+        y[0] = u
+
+
 class Drag(Block):
     """dx/dt = -k x |x|: x = 1 / (1 + k t). With k h > 2, Euler's method leaves every bound."""
 

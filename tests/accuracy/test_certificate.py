@@ -244,6 +244,20 @@ def test_events_that_agree_have_times_no_surer_than_the_steps(certified):
     assert abs(when.values[0][0]["time"] - math.log(2)) <= when.error <= 0.03
 
 
+def test_an_event_that_all_steps_see_at_one_time_may_still_be_one_step_earlier(certified):
+    """What happens at 0.8701 s is seen at 0.88 s, with steps of 40, 20 and 10 ms."""
+    text = """
+    run: {stop: 2, step: 0.04}
+    blocks:
+      s: {type: Switched, parameters: {T: 0.8701}}
+      w: {type: Watch, parameters: {level: 0}, inputs: {u: s.y}}
+    metrics: {when: {signal: w.log, reduce: events}}
+    """
+    when = certified(text).metrics["when"]
+    assert when.values[0][0]["time"] == pytest.approx(0.88) and when.kind == AGREES
+    assert 0.0099 <= when.error <= 0.02
+
+
 def test_what_is_counted_and_depends_on_the_step_is_told_with_the_steps(certified):
     """Euler's (1 - h)^n is below exp(-t), and less so with a smaller step: a level between is crossed at h only."""
     level = ((1 - 0.01) ** 200 + (1 - 0.005) ** 400) / 2
