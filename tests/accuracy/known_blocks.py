@@ -134,6 +134,17 @@ class Noise(Block):
         next_y[0] = next_seed[0] / 1073741824.0 - 1.0
 
 
+class Scramble(Block):
+    """Noise from -1 to 1 as a function of time."""
+
+    seed = Parameter(default=0.0)
+    y = Output()
+
+    def outputs(time, seed, y):
+        scrambled = math.sin(12.9898 * seed + 78233.0 * time) * 43758.5453
+        y[0] = 2.0 * (scrambled - math.floor(scrambled)) - 1.0
+
+
 class Delay(Block):
     """Holds the input of the last sample, of which there may be so many."""
 

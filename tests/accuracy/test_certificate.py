@@ -220,6 +220,25 @@ def test_noise_at_every_step_has_no_order_and_what_it_does_not_reach_has_one(cer
     assert {made.signals[name].kind for name in ("lag.x", "sum.x")} == {NO_ORDER}
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_that_is_a_function_of_time_is_not_taken_for_an_order_by_chance(certified, seed):
+    """No sampled block tells of it: its integral walks at random, and one figure of it may well fall as if in order."""
+    text = """
+    run: {stop: 2, step: 0.02}
+    blocks: {s: {type: Scramble}, a: {type: Decay, parameters: {k: 0}, inputs: {u: s.y}}}
+    metrics: {x: {signal: a.x, reduce: final}}
+    """
+    assert certified(text, f"blocks.s.parameters.seed={seed}").metrics["x"].kind == NO_ORDER
+
+
+@pytest.mark.parametrize("step", [0.05, 0.04, 0.025, 0.02, 0.0125])
+def test_the_error_of_an_extreme_is_what_lies_between_its_samples(certified, step):
+    """rk4 is exact beside it. All steps may have the same sample next to the extreme, so no difference shows it."""
+    blocks, signal, _ = PROBLEMS["oscillator"]
+    least = certified(text_of(blocks, signal, step, "joint", "rk4")).metrics["min"]
+    assert least.error == pytest.approx(least.values[0] + 1.0, rel=0.05)
+
+
 def test_noise_with_a_period_is_the_same_at_all_steps(certified):
     """And drives what it drives with an order; the period stays, the step is halved."""
     made = certified(NOISE, "blocks.n.period=0.05")
