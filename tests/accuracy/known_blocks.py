@@ -134,15 +134,15 @@ class Noise(Block):
         next_y[0] = next_seed[0] / 1073741824.0 - 1.0
 
 
-class Rough(Block):
-    """Numbers from -1 to 1 that have nothing to do with each other however near in time they are."""
+class Scramble(Block):
+    """Noise from -1 to 1 as a function of time."""
 
-    seed = Parameter(default=1.0)
+    seed = Parameter(default=0.0)
     y = Output()
 
     def outputs(time, seed, y):
-        number = math.sin(12989.8 * time + seed) * 43758.5453
-        y[0] = 2.0 * (number - math.floor(number)) - 1.0
+        scrambled = math.sin(12.9898 * seed + 78233.0 * time) * 43758.5453
+        y[0] = 2.0 * (scrambled - math.floor(scrambled)) - 1.0
 
 
 class Delay(Measure):
@@ -178,6 +178,18 @@ class Watch(Measure):
         if u < level and math.isnan(log[0, 0]):
             next_log[0, 0] = 1.0
             next_log[0, 1] = time
+
+
+class Strict(Block):
+    """y = u, which must not be below zero."""
+
+    u = Input()
+    y = Output()
+
+    def outputs(u, y):
+        if u < 0.0:
+            raise ValueError("below zero")
+        y[0] = u
 
 
 class Drag(Block):

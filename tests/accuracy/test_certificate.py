@@ -214,10 +214,29 @@ metrics:
 
 @pytest.mark.parametrize("seed", range(1, 8))
 def test_noise_at_every_time_has_no_order_and_what_it_does_not_reach_has_one(certified, seed):
-    made = certified(NOISE.replace("Noise, period: 0.05", "Rough"), f"blocks.n.parameters={{seed: {seed}}}")
+    made = certified(NOISE.replace("Noise, period: 0.05", "Scramble"), f"blocks.n.parameters={{seed: {seed}}}")
     assert {name: made.metrics[name].kind for name in ("lag", "sum")} == {"lag": NO_ORDER, "sum": NO_ORDER}
     assert made.metrics["lone"].kind == ORDER
     assert {made.signals[name].kind for name in ("lag.x", "sum.x")} == {NO_ORDER}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_that_is_a_function_of_time_is_not_taken_for_an_order_by_chance(certified, seed):
+    """No sampled block tells of it: its integral walks at random, and one figure of it may well fall as if in order."""
+    text = """
+    run: {stop: 2, step: 0.02}
+    blocks: {s: {type: Scramble}, a: {type: Decay, parameters: {k: 0}, inputs: {u: s.y}}}
+    metrics: {x: {signal: a.x, reduce: final}}
+    """
+    assert certified(text, f"blocks.s.parameters.seed={seed}").metrics["x"].kind == NO_ORDER
+
+
+@pytest.mark.parametrize("step", [0.05, 0.04, 0.025, 0.02, 0.0125])
+def test_the_error_of_an_extreme_is_what_lies_between_its_samples(certified, step):
+    """rk4 is exact beside it. All steps may have the same sample next to the extreme, so no difference shows it."""
+    blocks, signal, _ = PROBLEMS["oscillator"]
+    least = certified(text_of(blocks, signal, step, "joint", "rk4")).metrics["min"]
+    assert least.error == pytest.approx(least.values[0] + 1.0, rel=0.05)
 
 
 def test_noise_with_a_period_is_the_same_at_all_steps(certified):
@@ -242,6 +261,20 @@ def test_events_that_agree_have_times_no_surer_than_the_steps(certified):
     when = made.metrics["when"]
     assert when.kind == AGREES and made.metrics["below"].kind == AGREES and made.changing == []
     assert abs(when.values[0][0]["time"] - math.log(2)) <= when.error <= 0.03
+
+
+def test_an_event_that_all_steps_see_at_one_time_may_still_be_one_step_earlier(certified):
+    """What happens at 0.8701 s is seen at 0.88 s, with steps of 40, 20 and 10 ms."""
+    text = """
+    run: {stop: 2, step: 0.04}
+    blocks:
+      s: {type: Switched, parameters: {T: 0.8701}}
+      w: {type: Watch, parameters: {level: 0}, inputs: {u: s.y}}
+    metrics: {when: {signal: w.log, reduce: events}}
+    """
+    when = certified(text).metrics["when"]
+    assert when.values[0][0]["time"] == pytest.approx(0.88) and when.kind == AGREES
+    assert 0.0099 <= when.error <= 0.02
 
 
 def test_what_is_counted_and_depends_on_the_step_is_told_with_the_steps(certified):

@@ -118,6 +118,16 @@ def test_larger_steps_are_tried_and_those_that_diverge_are_not_taken(certified):
     assert made.signals["a.x"].largest_step == 0.08 and made.runs == 7 + 3
 
 
+def test_a_larger_step_with_which_a_run_fails_is_not_taken(certified):
+    """With steps of 0.08, Euler's method has -0.6 after the first, where a block refuses to go on; the largest is 1."""
+    text = """
+    run: {stop: 3.2, step: 0.02}
+    blocks: {a: {type: Decay, parameters: {k: -20}}, s: {type: Strict, inputs: {u: a.x}}}
+    metrics: {x: {signal: a.x, reduce: max}}
+    """
+    assert certified(text, wanted=Wanted(absolute={"x": 0.1})).metrics["x"].largest_step == 0.04
+
+
 def test_a_wanted_error_is_relative_to_the_figure_or_to_the_range_of_the_signal(certified):
     made = certified(
         SIGNALS.replace("record", "metrics: {x: {signal: a.x, reduce: final}}\nrecord"), wanted=Wanted(0.01)
