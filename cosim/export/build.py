@@ -7,12 +7,7 @@ linked by the machine's C compiler, or by `ziglang`, which also serves all other
 from __future__ import annotations
 
 import hashlib
-import importlib.util
-import os
 import platform as machine
-import shutil
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,8 +20,9 @@ from cosim.errors import BuildFailed, CompilerMissing, NotExportable, nearest
 from cosim.export import c_source
 from cosim.export.model import Model
 from cosim.export.model_description import ModelDescription
+from cosim.fmu.c_sources import headers
 from cosim.fmu.fmi import Version
-from cosim.machine import cache
+from cosim.machine import c_compiler, cache
 from cosim.wiring.network import Component
 
 WRAPPER = Path(__file__).parent / "wrapper"
@@ -169,21 +165,11 @@ def library(description: ModelDescription, token: str, platform: Platform, objec
     return path
 
 
-def headers() -> Path:
-    """FMI's own C headers, which FMPy has with it. Raises: CompilerMissing."""
-    found = importlib.util.find_spec("fmpy")
-    if found is None or found.origin is None:
-        raise CompilerMissing("FMI's C headers come with FMPy, which is not installed", fix="pip install fmpy")
-    return Path(found.origin).parent / "c-code"
-
-
 def compiler(platform: Platform) -> list[str]:
     """The command of a C compiler for a platform. Raises: CompilerMissing."""
-    native = next((path for path in map(shutil.which, ("gcc", "cc", "clang")) if path), None)
-    if native and platform.name == _host_name():
-        return [native]
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
+    own = c_compiler.native() if platform.name == _host_name() else []
+    if found := own or c_compiler.zig(platform.zig):
+        return found
     message = f"there is no C compiler for {platform.name}"
     fix = "`pip install ziglang`, which builds for all platforms"
     if platform.name == _host_name():
@@ -209,8 +195,5 @@ def _link_flags(platform: Platform, path: Path) -> list[str]:
 
 
 def _run(command: list[str], platform: Platform) -> None:
-    environment = os.environ | {"LC_ALL": "C"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)  # noqa: S603  # ours
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if "error" in line or "undefined" in line] or [done.stderr]
-        raise BuildFailed(f"{Path(command[0]).name} cannot build the FMU for {platform.name}: {lines[0].strip()}")
+    if lines := c_compiler.complaints(command):
+        raise BuildFailed(f"{Path(command[0]).name} cannot build the FMU for {platform.name}: {lines[0]}")
