@@ -7,13 +7,8 @@ linked by the machine's C compiler, or by `ziglang`, which also serves all other
 from __future__ import annotations
 
 import hashlib
-import importlib.util
-import os
 import platform as machine
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -26,8 +21,9 @@ from cosim.export.c_code.c_translation import translate
 from cosim.export.c_code.llvm_reader import Untranslatable
 from cosim.export.model import Model
 from cosim.export.model_description import ModelDescription
+from cosim.fmu.c_sources import headers
 from cosim.fmu.fmi import Version
-from cosim.machine import cache
+from cosim.machine import c_compiler, cache
 from cosim.master import loop
 from cosim.wiring.network import Component
 
@@ -196,21 +192,11 @@ def library(description: ModelDescription, token: str, platform: Platform, kerne
     return path
 
 
-def headers() -> Path:
-    """FMI's own C headers, which FMPy has with it. Raises: CompilerMissing."""
-    found = importlib.util.find_spec("fmpy")
-    if found is None or found.origin is None:
-        raise CompilerMissing("FMI's C headers come with FMPy, which is not installed", fix="pip install fmpy")
-    return Path(found.origin).parent / "c-code"
-
-
 def compiler(platform: Platform) -> list[str]:
     """The command of a C compiler for a platform. Raises: CompilerMissing."""
-    native = next((path for path in map(shutil.which, ("gcc", "cc", "clang")) if path), None)
-    if native and platform.name == _host_name():
-        return [native]
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", platform.zig]
+    own = c_compiler.native() if platform.name == _host_name() else []
+    if found := own or c_compiler.zig(platform.zig):
+        return found
     message = f"there is no C compiler for {platform.name}"
     fix = "`pip install ziglang`, which builds for all platforms"
     if platform.name == _host_name():
@@ -236,8 +222,5 @@ def _link_flags(platform: Platform, path: Path) -> list[str]:
 
 
 def _run(command: list[str], platform: Platform) -> None:
-    environment = os.environ | {"LC_ALL": "C"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)  # noqa: S603  # ours
-    if done.returncode:
-        lines = [line for line in done.stderr.splitlines() if "error" in line or "undefined" in line] or [done.stderr]
-        raise BuildFailed(f"{Path(command[0]).name} cannot build the FMU for {platform.name}: {lines[0].strip()}")
+    if lines := c_compiler.complaints(command):
+        raise BuildFailed(f"{Path(command[0]).name} cannot build the FMU for {platform.name}: {lines[0]}")

@@ -167,15 +167,20 @@ def check_identifier(identifier: str, name: str, position: Position | None = Non
         raise FmuError(message, position, "do not use this FMU")
 
 
+def found_binary(folder: Path, identifier: str, version: Version) -> Path | None:
+    """The shared library for this machine, if there is one."""
+    paths = (folder / "binaries" / system / f"{identifier}{suffix()}" for system in platforms(version))
+    return next((path for path in paths if path.is_file()), None)
+
+
 def binary(folder: Path, identifier: str, version: Version, name: str, position: Position | None = None) -> Path:
     """The shared library for this machine. Raises: FmuError, with the platforms that there are."""
-    for system in platforms(version):
-        path = folder / "binaries" / system / f"{identifier}{suffix()}"
-        if path.is_file():
-            return path
+    path = found_binary(folder, identifier, version)
+    if path is not None:
+        return path
     found = binaries(folder)
     has = f"it has {', '.join(found)}" if found else "it has none at all"
     if (folder / "sources").is_dir():
-        has += ", and C sources"
+        has += ", and C sources of which it does not say how to compile them"
     message = f"`{name}` has no binary `{identifier}{suffix()}` for {platforms(version)[0]}; {has}"
     raise FmuError(message, position, "export the FMU for this platform too")

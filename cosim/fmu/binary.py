@@ -49,7 +49,8 @@ class Binary:
         """The address of a function, 0 where the library has none."""
         if name not in self._addresses:
             full = self.version.prefix + name
-            function = getattr(self._handle, full, None)
+            names = (full, f"{self.path.stem}_{full}")  # what is compiled from sources may have the longer one
+            function = next((f for f in (getattr(self._handle, n, None) for n in names) if f), None)
             self._addresses[name] = ctypes.cast(function, ctypes.c_void_p).value or 0 if function else 0
             if self._addresses[name]:
                 self._trace.name(self._addresses[name], full)

@@ -11,6 +11,7 @@ from cosim.fmu import (
     adapter,
     archive,
     binary_data,
+    c_sources,
     declared,
     fields,
     instance,
@@ -51,11 +52,14 @@ class ForeignFmu(Fmu):
 def block(entry: BlockEntry) -> type[Block]:
     """The block type that a diagram's entry of kind `fmu` names.
 
-    Raises: MissingFile, ArchiveError, FmuError, UnknownPort, WrongShape, WrongType, WrongValue, ExpressionError.
+    Raises: MissingFile, ArchiveError, CompilerMissing, BuildFailed, FmuError, UnknownPort, WrongShape, WrongType,
+    WrongValue, ExpressionError.
     """
     folder, description = read_description(entry.path, entry.type.position)
     fmu = ForeignFmu(entry.path, folder, description, settings.read(entry, description), {})
-    archive.binary(folder, fmu.interface.modelIdentifier, fmu.version, fmu.name, entry.type.position)
+    binary = folder, fmu.interface.modelIdentifier, fmu.version, fmu.name, entry.type.position
+    c_sources.provide(*binary)
+    archive.binary(*binary)
     try:
         ports = read_ports(description, structural.sizes(entry, description))
         fmu.hidden = hidden(description, ports)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import CosimError, FmuError
-from cosim.fmu import archive, fields, versions
+from cosim.errors import FmuError
+from cosim.fmu import archive, c_sources, fields, versions
 from cosim.fmu.description import read_description
 from cosim.fmu.imported import Fmu
 from cosim.fmu.ports import Port, ports
@@ -57,7 +57,7 @@ def _lines(path: Path, folder: Path, description: Any, most: int) -> Iterator[st
     states, indicators = description.numberOfContinuousStates, description.numberOfEventIndicators
     if description.modelExchange is not None:
         yield f"          {states} continuous states, {indicators} event indicators"
-    yield f"platforms {', '.join(archive.binaries(folder)) or 'none'}{_runs_here(path, folder, description)}"
+    yield f"platforms {', '.join(archive.binaries(folder)) or 'none'}{_runs_here(folder, description)}"
     yield from _variables(path, folder, description, kinds, most)
     problems = _problems(folder)
     yield ""
@@ -65,15 +65,16 @@ def _lines(path: Path, folder: Path, description: Any, most: int) -> Iterator[st
     yield from (f"  {problem}" for problem in problems)
 
 
-def _runs_here(path: Path, folder: Path, description: Any) -> str:
+def _runs_here(folder: Path, description: Any) -> str:
     kind = description.coSimulation or description.modelExchange
     if kind is None:
         return ""
-    try:
-        archive.binary(folder, kind.modelIdentifier, versions.find(description.fmiVersion), path.name)
-    except CosimError:
-        return " (not for this machine)"
-    return " (runs here)"
+    binary = folder, kind.modelIdentifier, versions.find(description.fmiVersion)
+    if archive.found_binary(*binary) is not None:
+        return " (runs here)"
+    if c_sources.build_description(*binary)[0]:
+        return "; no binary for this machine: compiled from its C sources as it is run"
+    return " (not for this machine)"
 
 
 def _variables(path: Path, folder: Path, description: Any, kinds: dict[str, Any], most: int) -> Iterator[str]:

@@ -17,6 +17,7 @@ from cosim.errors import CompilerMissing, NotExportable, UnknownBlock, WrongValu
 from cosim.export import build
 from cosim.export.exporter import export_fmu
 from cosim.fmu.versions import FMI3
+from cosim.machine import c_compiler
 from tests.fmu.fmu_host import Host
 
 BLOCKS = Path(__file__).with_name("blocks_for_tests.py")
@@ -405,8 +406,8 @@ def test_only_members_of_the_fleet_can_be_exported(formation, folder):
 
 
 def test_a_missing_compiler_says_what_to_install(network, folder, monkeypatch):
-    monkeypatch.setattr(build.shutil, "which", lambda name: None)
-    monkeypatch.setattr(build.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(c_compiler.shutil, "which", lambda name: None)
+    monkeypatch.setattr(c_compiler.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(CompilerMissing, match="no C compiler") as caught:
         build.compiler(build.host())
     assert "install gcc" in caught.value.fix and "ziglang" in caught.value.fix
