@@ -66,7 +66,7 @@ def _array(declaration: str, rows: Iterable[str]) -> str:
 
 def _quote(text: str) -> str:
     """A C string. In FMI's log messages, `#` has to be doubled."""
-    safe = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n").replace("#", "##")
+    safe = text.replace("\\", "\\\\").replace("?", "\\?").replace('"', '\\"').replace("\n", "\\n").replace("#", "##")
     return f'"{safe}"'
 
 

@@ -20,6 +20,7 @@ _LIBRARY = (
     "cbrt erf erfc tgamma lgamma atan2 pow hypot fmod ldexp"
 )
 LIBRARY = frozenset(_LIBRARY.split())
+_APART = {"frexp": "int", "modf": "double"}  # exact, and the type of what they leave at an address
 _MEMORY = frozenset(["memcpy", "memmove", "memset"])
 OVERFLOWING = re.compile(r"llvm\.([su])(add|sub|mul)\.with\.overflow\.i(8|16|32|64)")
 
@@ -37,8 +38,8 @@ def of_library(name: str, kind: LlvmType, values: Sequence[str]) -> str:
         return f"m_{called}({arguments})"
     if called in _MEMORY:
         return f"{called}({arguments})"
-    if called == "frexp":
-        return f"frexp({values[0]}, (int *){values[1]})"
+    if called in _APART:
+        return f"{called}({values[0]}, ({_APART[called]} *){values[1]})"
     if intrinsic and called == "is.fpclass" and not single and ".f64" in intrinsic[2]:
         return f"(uint8_t)((class_of_double({values[0]}) & {values[1]}) != 0)"
     if intrinsic and (found := _of_integers(plain, kind, values)):
