@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import platform as machine
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
