@@ -71,12 +71,30 @@ class Certificate:
 
 
 def require_figures(network: Network, signals: bool) -> None:
-    """Raises: UsageError where there is no metric, and no recorded signal if `signals` count too."""
+    """Raises: UsageError where there is no metric, and no recorded signal if `signals` count too.
+
+    Also where steps are as long as a tolerance allows: other steps then say nothing of the error that it leaves.
+    """
+    for key, component in _tolerances(network):
+        where = f"blocks.{component}.{key}" if component else f"run.{key}"
+        message = f"`{where}` chooses steps, so that halving them does not tell how wrong a figure is"
+        raise UsageError(message, fix=f"compare with a run of a tenth of it; or --set {where}=~ for steps of one size")
     if network.reduced or (signals and network.recorded):
         return
     also = " and records no signal" if signals else ""
     message = f"{network.diagram.path} has no metric{also}, so there is no figure that may be wrong"
     raise UsageError(message, fix="such as metrics: {largest: {signal: plant.x, reduce: max}}")
+
+
+def _tolerances(network: Network) -> Iterator[tuple[str, str]]:
+    """What chooses steps: a key of the run, or of a component."""
+    run = network.diagram.run
+    for key in ("coupling_tolerance", "tolerance"):
+        if getattr(run, key) is not None:
+            yield key, ""
+    for component in network.components.values():
+        if component.declaration.continuous() and component.integration.tolerance is not None:
+            yield "tolerance", component.name
 
 
 def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:

@@ -275,9 +275,12 @@ def _write_attempts(writer: Writer) -> Attempts:
     steep = any(c.couplings[port].order > 1 for c, port in several) and not stuck
     needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback) or layout.indicators
     if needed and stuck:
-        message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs"
-        fix = "write run.rollback: false, so that only the next step is shorter" if run.coupling_tolerance else ""
-        raise FmuError(message, stuck[0].entry.type.position, fix or "choose another run.method, or model exchange")
+        events = f", and so does finding the events of {network.watched[0].name}" if layout.indicators else ""
+        message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs{events}"
+        fix = "choose another run.method, or model exchange"
+        if run.coupling_tolerance and not layout.indicators:
+            fix = "write run.rollback: false, so that only the next step is shorter"
+        raise FmuError(message, stuck[0].entry.type.position, "use another FMU" if layout.indicators else fix)
     goes_back = bool(needed or steep or layout.indicators)
     saved = layout.allocate(layout.changing) if goes_back else 0
     for phase, task, to, source, size in (

@@ -240,6 +240,9 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
     if run.smallest_step is not None and not run.coupling_tolerance:
         message = "`run.smallest_step` goes with `run.coupling_tolerance`, and there is none"
         reader.wrong(nodes["smallest_step"], message, "write run.coupling_tolerance too, such as 1.0e-4", WrongValue)
+    if run.smallest_step is not None and run.stop > 2.0**52 * run.smallest_step:
+        message = f"`run.smallest_step` of {run.smallest_step:g} s is too small to be counted up to {run.stop:g} s"
+        reader.wrong(nodes["smallest_step"], message, f"such as {run.step / 1024:g}", WrongValue)
     if run.smallest_step is not None and run.smallest_step > run.step:
         message = f"`run.smallest_step` of {run.smallest_step:g} s is more than run.step of {run.step:g} s"
         reader.wrong(nodes["smallest_step"], message, "a smaller one; run.step is the largest", WrongValue)

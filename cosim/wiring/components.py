@@ -69,15 +69,20 @@ def _time(draft: Draft, component: Component) -> None:
     given, run = component.entry.settings, draft.diagram.run
     component.integration = run.integration if run.method == "joint" else _integration(component, run.integration)
     draft.problems.attempt(_sample, component, run)
-    for key in INTEGRATION:
+    for key in _own_keys(component):
         if key in given and not given[key].inherited:
             draft.problems.attempt(_check_integration, component, key, given[key], run.method)
     draft.problems.attempt(_check_tolerance, component, run)
 
 
+def _own_keys(component: Component) -> list[str]:
+    """What a component may say of its integration; the `tolerance` of an FMU is for what that solves inside."""
+    return [key for key in INTEGRATION if not (component.declaration.foreign and key == "tolerance")]
+
+
 def _integration(component: Component, run: Integration) -> Integration:
     """How a component is integrated by itself. One that says how many equal steps takes no tolerance from the run."""
-    own = {key: node.value for key, node in component.entry.settings.items() if key in INTEGRATION}
+    own = {key: node.value for key, node in component.entry.settings.items() if key in _own_keys(component)}
     return replace(run, **{**({"tolerance": None} if "inner_steps" in own else {}), **own})
 
 

@@ -508,3 +508,24 @@ def test_what_is_not_finite_is_no_number_to_be_sure_of(certified):
     """
     made = certified(text)
     assert {accuracy.kind for accuracy in made.metrics.values()} == {AGREES}
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("run.coupling_tolerance=1e-3", "`run.coupling_tolerance` chooses steps"),
+        ("run.tolerance=1e-6", "`run.tolerance` chooses steps"),
+        ("blocks.a.tolerance=1e-6", "`blocks.a.tolerance` chooses steps"),
+    ],
+)
+def test_steps_that_a_tolerance_chooses_are_not_halved(diagram, setting, said):
+    """Halving what is only a bound changes nothing, which must not pass for no error."""
+    text = """
+    run: {stop: 1, step: 0.1, integrator: dormand-prince}
+    blocks:
+      a: {type: Decay, inputs: {u: b.x}}
+      b: {type: Decay, inputs: {u: a.x}}
+    metrics: {x: {signal: a.x, reduce: final}}
+    """
+    with pytest.raises(UsageError, match=said):
+        certificate.require_figures(run.load(diagram(text), [setting]), signals=False)

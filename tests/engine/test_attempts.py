@@ -225,6 +225,7 @@ def test_a_block_that_fails_at_a_trial_value_is_tried_with_a_shorter_step(ran, e
     [
         (["run.smallest_step=0.001"], "`run.smallest_step` goes with `run.coupling_tolerance`"),
         (["run.smallest_step=1", "run.coupling_tolerance=0.01"], "is more than run.step of 0.02 s"),
+        (["run.smallest_step=1e-16", "run.coupling_tolerance=0.01"], "is too small to be counted up to 4 s"),
         (["run.method=joint", "run.coupling_tolerance=0.01"], "has nothing to judge under `joint`"),
         (["run.coupling_tolerance=0"], "above zero"),
     ],
