@@ -132,12 +132,14 @@ def falls(coarse: Array, middle: Array, fine: Array, noise: float) -> bool:
     """Whether a whole course converges, without which one figure of it may look so by chance.
 
     Each an array (instants, elements) of numbers, or what is not finite. noise: how large their rounding errors may be.
-    Yes, where nothing else is known of it.
+    Looks at what is added to the differences from one instant to the next: that of a random walk is as many numbers
+    that have nothing to do with each other. Yes, where nothing else is known of it.
     """
     if not coarse.shape == middle.shape == fine.shape:
         return False
     known = np.isfinite(coarse) & np.isfinite(middle) & np.isfinite(fine)
-    first, second = middle[known] - coarse[known], fine[known] - middle[known]
+    coarse, middle, fine = (np.where(known, course, 0.0) for course in (coarse, middle, fine))
+    first, second = (np.diff(d, axis=0, prepend=0.0).ravel() for d in (middle - coarse, fine - middle))
     if float(np.abs(second).max(initial=0.0)) <= noise:
         return True
     sizes = float(np.abs(first).sum()), float(np.abs(second).sum())
