@@ -61,7 +61,8 @@ def _exit_code(outcome: Outcome) -> int:
 
 
 def _report(outcome: Outcome, previous: dict[str, Any] | None) -> None:
-    screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
+    if outcome.metrics:
+        screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows)
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
