@@ -40,11 +40,15 @@ ENGINES = ("native", "python")
 
 
 def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = (), code: bool = True) -> Network:
-    """Read and wire a diagram; without `code`, as of `wiring.wire`.
+    """Read and wire a diagram, or an FMU alone; without `code`, as of `wiring.wire`.
 
     Raises: DiagramErrors with all mistakes, of the grammar and of the wiring.
     """
     problems = Problems()
+    if Path(path).suffix.lower() == ".fmu":
+        from cosim.fmu import alone  # with all that FMUs need
+
+        return resolution.wire(alone.load(Path(path), settings, swaps, problems), problems, code)
     return resolution.wire(diagrams.load(path, settings, swaps, problems), problems, code)
 
 

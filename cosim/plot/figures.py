@@ -20,6 +20,8 @@ from cosim.results.result_file import Result
 
 HEIGHTS = 0.5, 20.0
 """Inches of one panel: below, its labels do not fit; beyond, it fits no screen and no page."""
+MOST_PANELS = 12
+"""Of a picture of which nobody says what it shows."""
 MOST_CHANNELS = 6
 """A signal of more channels is no vector in space, and is drawn in one panel."""
 _THRESHOLDS = Key("lines to compare with, by their words", below={ANY: Key("", NUMBER)})
@@ -252,14 +254,19 @@ def _range(node: Node | None, where: str, reader: Reader) -> tuple[float, float]
 
 
 def default_signals(result: Result) -> list[str]:
-    """What a run's picture shows if nobody says: the recorded signals that its metrics reduce, else all of them."""
+    """What a run's picture shows if nobody says: the recorded signals that its metrics reduce, else all of them.
+
+    Where those are too many for one picture, it shows the outputs among them.
+    """
     try:
         tree = source.parse_value(str(result.attrs.get("diagram", "")), Position(str(result.path)))
         metrics = tree.value.get("metrics", Node({}, tree.position)).plain() if isinstance(tree.value, dict) else {}
     except Exception:  # noqa: BLE001  # a result of another version: its diagram is no longer understood
         metrics = {}
     measured = dict.fromkeys(metric["signal"] for metric in metrics.values() if isinstance(metric, dict))
-    return [name for name in measured if name in result.signals] or list(result.signals)
+    chosen = [name for name in measured if name in result.signals] or list(result.signals)
+    outputs = [name for name in chosen if result.signals[name].causality == "output"]
+    return outputs if outputs and len(chosen) > MOST_PANELS else chosen
 
 
 def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[str]:

@@ -151,7 +151,7 @@ def test_an_fmu_that_refuses_its_event_mode_says_what_to_write(diagram, told_of)
     assert outcome.status == "failed"
     assert "fmi3Instantiate() gave no instance" in outcome.error.message
     assert "it says error: no event mode here" in outcome.error.message
-    assert "event_mode: off" in outcome.error.fix
+    assert "--set blocks.plant.event_mode=off" in outcome.error.fix
     (events,) = told_of("refusing", ", event_mode: off", "events")
     assert {*events} == {0}
 

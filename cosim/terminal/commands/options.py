@@ -10,8 +10,8 @@ from cosim.wiring.network import Network
 
 
 def diagram_arguments(parser: argparse.ArgumentParser) -> None:
-    """A diagram, and what may be changed in it."""
-    parser.add_argument("diagram", type=Path, help="a YAML diagram")
+    """A diagram or an FMU, and what may be changed in it."""
+    parser.add_argument("diagram", type=Path, help="a YAML diagram, or an FMU, which is run alone")
     parser.add_argument("--set", action="append", default=[], metavar="a.b.c=VALUE", help="change one value")
     parser.add_argument("--swap", action="append", default=[], metavar="BLOCK=TYPE", help="another type for a block")
     for name, text in (("stop", "end of the run (s)"), ("step", "communication step (s)"), ("method", "master method")):

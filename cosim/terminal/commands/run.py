@@ -81,7 +81,8 @@ def _exit_code(outcome: Outcome) -> int:
 
 def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Certificate | None) -> None:
     errors = {name: accuracy.error for name, accuracy in certificate.metrics.items()} if certificate else None
-    screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows, errors=errors)
+    if outcome.metrics:
+        screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows, errors=errors)
     if certificate:
         from cosim.terminal import accuracy_display
 
