@@ -46,9 +46,9 @@ def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = 
     """
     problems = Problems()
     if Path(path).suffix.lower() == ".fmu":
-        from cosim.fmu import alone  # with all that FMUs need
+        from cosim.wiring import fmu_alone  # with all that FMUs need
 
-        return resolution.wire(alone.load(Path(path), settings, swaps, problems), problems, code)
+        return resolution.wire(fmu_alone.load(Path(path), settings, swaps, problems), problems, code)
     return resolution.wire(diagrams.load(path, settings, swaps, problems), problems, code)
 
 
