@@ -412,7 +412,7 @@ def test_a_refinement_changes_steps_and_keeps_times(diagram):
         other = run.load(path, settings(network, refinement))
         assert other.diagram.run.step == step and other.diagram.record.period == 0.01
         assert (float(other.components["n"].clock.period), other.diagram.metrics["x"].start) == (0.05, 0.3)
-        assert (other.diagram.run.inner_steps, other.components["a"].inner_steps) == inner
+        assert (other.diagram.run.inner_steps, other.components["a"].integration.inner_steps) == inner
     [beside] = elsewhere(network)
     other = run.load(path, settings(network, beside))
     # 5 steps to a period: six of the other run's.

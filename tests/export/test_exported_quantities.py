@@ -48,7 +48,7 @@ DIAGRAM = """
 run: {stop: 1, step: 0.1}
 fleets: {arm: 2}
 blocks:
-  arm: {python: own.py:Arm, per: arm, inputs: {u: source.y}}
+  arm: {python: own.py:Arm, per: arm, period: 0.1, inputs: {u: source.y}}
   source: {python: own.py:Source}
 """
 VERSIONS = ("2.0", "3.0")

@@ -149,7 +149,7 @@ class Far(Block):
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_what_is_no_number_at_the_initialization_is_left_out_and_said(tmp_path, caplog, version):
-    text = "run: {stop: 1, step: 0.1}\nblocks:\n  log: {python: own.py:Log, inputs: {near: far.y}}\n"
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  log: {python: own.py:Log, period: 0.1, inputs: {near: far.y}}\n"
     network = load(tmp_path, text + "  far: {python: own.py:Far}\n", STRANGE)
     with caplog.at_level(logging.WARNING, "cosim"):
         path = export_fmu(network, ["log"], tmp_path / "log.fmu", version)
