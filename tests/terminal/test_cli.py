@@ -340,7 +340,7 @@ def test_an_export_says_which_outputs_other_importers_may_refuse(cosim, write, t
         "    x = State(output=True, finite=False)\n    def update(x, next_x):\n        next_x[0] = x\n"
         "    def outputs(y, z):\n        y[0] = 1e308 * 10.0\n        z[0] = 1.0\n"
     )
-    text = SMALL.replace("record:", "  far: {python: own.py:Far}\nrecord:")
+    text = SMALL.replace("record:", "  far: {python: own.py:Far, period: 0.01}\nrecord:")
     code, out, err = cosim("export", write(text), "far", "-o", str(tmp_path / "far.fmu"))
     assert code == 0 and out.startswith("wrote ") and "far.z" not in err
     assert "cosim: left out, as importers refuse what is NaN or infinite at the initialization: `far.y`" in err

@@ -95,7 +95,7 @@ def test_a_second_signal_ends_a_block_that_does_not_return(run):
     text = (
         LONG.replace("stop: 1.0e+9", "stop: 100")
         .replace("period: 10,", "period: 0.1,")
-        .replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck}")
+        .replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck, period: 0.01}")
     )
     process, output = run("--engine", "python", "--json", text=text.replace("oscillator.x", "stuck.x"))
     assert any("stuck" in line for line in iter(process.stderr.readline, "")), "it ended before it was stuck"
@@ -110,7 +110,8 @@ def test_a_second_signal_ends_a_block_that_does_not_return(run):
 
 
 def test_one_signal_ends_a_block_that_does_not_return_after_a_while(run):
-    text = LONG.replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck}").replace("oscillator.x", "stuck.x")
+    text = LONG.replace("oscillator: {type: Oscillator}", "stuck: {type: Stuck, period: 0.01}")
+    text = text.replace("oscillator.x", "stuck.x")
     process, output = run("--engine", "python", "--json", text=text)
     assert any("stuck" in line for line in iter(process.stderr.readline, "")), "it ended before it was stuck"
     process.send_signal(signal.SIGTERM)
