@@ -36,9 +36,8 @@ class Handles:
             handle = function(*arguments)
         if not handle:
             text = f"{self._binary.version.prefix}Instantiate() gave no instance"
-            fix = (
-                "where it cannot do event mode, write event_mode: off" if new.kind == fields.EVENT_CO_SIMULATION else ""
-            )
+            off = f"where it cannot do event mode, --set blocks.{self._trace.component.name}.event_mode=off"
+            fix = off if new.kind == fields.EVENT_CO_SIMULATION else ""
             raise self._trace.failure(text, k, 0.0, fix=fix)
         self.made.append(handle)
 

@@ -68,7 +68,7 @@ def test_settings_lie_over_it(command, tmp_path, kind):
     version, kinds, flags = KINDS[kind]
     path = told.build(tmp_path, version, kinds, flags)
     block = f"blocks.told{version}"
-    settings = [f"{block}.parameters.k=3", f"{block}.start.u=2", "record.period=0.5", f"{block}.tolerance=0.5"]
+    settings = [f"{block}.parameters.k=3", f"{block}.start.u=2", "record.period=0.5", f"{block}.tolerance=0.05"]
     words = [word for setting in settings for word in ("--set", setting)]
     code, out, err = command("run", path, "--stop", 2, "--step", 0.25, "-o", "mine.nc", *words, "--json")
     assert code == 0, err
@@ -76,7 +76,7 @@ def test_settings_lie_over_it(command, tmp_path, kind):
     with open_result(tmp_path / "mine.nc") as result:
         assert np.array_equal(result.times, [0.0, 0.5, 1.0, 1.5, 2.0])
         assert {*result.read(f"told{version}.y")} == {6.0}
-        assert {*result.read(f"told{version}.tolerance")} == {0.5}
+        assert {*result.read(f"told{version}.tolerance")} == {0.05}
 
 
 def test_only_what_is_asked_for_is_recorded(command, tmp_path):

@@ -97,7 +97,7 @@ def test_time_events_and_ends_are_told_by_the_runs_clock(machines, write, trajec
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        (", tolerance: 0", "`blocks.plant.tolerance` must be above zero"),
+        (", tolerance: 0", "`blocks.plant.tolerance` must be a number from 1e-13 to 0.1, not `0`"),
         (", tolerance: small", "unknown name `small`"),
         (", start_time: .inf", "`blocks.plant.start_time` must be finite"),
         (", start_time: now", "unknown name `now`"),
