@@ -19,6 +19,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from cosim.compiling import compiler
-from cosim.engine import probes, run, tables
+from cosim.engine import probes, run, stability, tables
 from cosim.engine.layout import VECTORS
 from cosim.engine.simulation import Simulation
 from cosim.export import build, exporter
@@ -79,7 +80,8 @@ def fence(one: Simulation) -> None:
     layout = program.layout
     spans = [(offset, 8 * layout.states * layout.slopes) for offset in (layout.vectors["SLOPES"],)]
     spans += [(layout.vectors[name], 8 * layout.states) for name in VECTORS]
-    spans += [(row[tables.TABLEAU], 8 * row[tables.STAGES] * (HEAD + row[tables.STAGES])) for row in program.banks]
+    for bank in program.banks:
+        spans += list(bank_spans(bank, one.arena))
     for call in program.calls:
         component = program.network.components[call.component]
         spans.append((call.frame, 8 * (6 + len(component.axes) + 2 * len(call.arguments))))
@@ -102,6 +104,20 @@ def fence(one: Simulation) -> None:
         )
 
 
+def bank_spans(bank: np.ndarray, arena: np.ndarray) -> Iterator[tuple[int, int]]:
+    """What an integration has of its own: tableau, tolerances, memory; an implicit one its equations and work space."""
+    stages = bank[tables.STAGES]
+    rows = 2 * stages if bank[tables.IMPLICIT] else stages + bank[tables.CONTROLLED]
+    yield bank[tables.TABLEAU], 8 * (rows * (HEAD + stages) + int(bank[tables.IMPLICIT] > 0))
+    yield bank[tables.TOLERANCES], 16
+    yield bank[tables.MEMORY], 8 * tables.MEMORY_WORDS
+    if begin := bank[tables.IMPLICIT]:
+        words = arena[begin:].view(np.int64)
+        size, states = words[tables.SYSTEM_SIZE], words[tables.SYSTEMS] * words[tables.SYSTEM_SIZE]
+        yield begin, 8 * (tables.SYSTEMS_WORDS + states)
+        yield words[tables.SYSTEM_WORK], 8 * states * (tables.SYSTEM_VECTORS + 2 * size)
+
+
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
@@ -111,6 +127,7 @@ def watch_run(path: str, settings: list[str], broken: bool) -> None:
     compiler.compile_object = compile_object
     object_code.Library = Library  # type: ignore[misc]
     probes.BUFFER_BYTES = 2_000
+    stability.warnings = lambda *_: []  # it reads the whole arena, to copy it
     one = run.Run(run.load(path, settings))
     fence(one.simulation)
     if broken:

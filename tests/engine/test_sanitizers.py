@@ -69,6 +69,17 @@ def test_no_method_touches_what_is_not_its_own(write, watched, method):
     assert code == 0 and '"completed"' in said and "Sanitizer" not in said, said
 
 
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
+@pytest.mark.parametrize(
+    "settings", [("rodas4", 2), ("rodas5p", 1, "run.tolerance=1e-5"), ("heun", 1, "run.tolerance=1e-4")]
+)
+def test_no_integrator_touches_what_is_not_its_own(write, watched, method, settings):
+    integrator, inner_steps, *tolerance = settings
+    path = write(LOOP.format(method=method, integrator=integrator))
+    code, said = watched("run", path, f"run.inner_steps={inner_steps}", *tolerance)
+    assert code == 0 and '"completed"' in said and "Sanitizer" not in said, said
+
+
 def test_the_formation_touches_nothing_else(formation, watched):
     code, said = watched("run", formation, "run.stop=0.2", "record.period=0.001", "metrics={}")
     assert code == 0 and '"completed"' in said and "Sanitizer" not in said, said
@@ -80,6 +91,9 @@ def test_the_sanitizer_would_see_a_row_too_many(write, watched):
     assert code != 0 and "heap-buffer-overflow" in said, said
 
 
-def test_an_exported_fmu_touches_nothing_else(write, watched):
-    code, said = watched("fmu", write(LOOP.format(method="gauss-seidel", integrator="rk4")))
+@pytest.mark.parametrize("settings", [("rk4", 2), ("rodas5p", 1, "run.tolerance=1e-5")])
+def test_an_exported_fmu_touches_nothing_else(write, watched, settings):
+    integrator, inner_steps, *tolerance = settings
+    path = write(LOOP.format(method="gauss-seidel", integrator=integrator))
+    code, said = watched("fmu", path, f"run.inner_steps={inner_steps}", *tolerance)
     assert code == 0 and "Sanitizer" not in said and "runtime error" not in said, said
