@@ -57,6 +57,22 @@ def test_robertson_over_eleven_decades(wired, name, tolerance, method):
     assert outcome.inner_steps["o"]["taken"] < 2000
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_a_fleet_of_vectors_of_states(wired, name, method):
+    """Three states each, side by side in memory by member; the middle one begins as the published solution does."""
+    settings = f"method: {method}, integrator: {name}, tolerance: 1.0e-6, absolute_tolerance: 1.0e-18"
+    start = "[[0.5, 0, 0.5], [1, 0, 0], [0, 1.0e-4, 1]]"
+    text = (
+        f"run: {{stop: 1.0e+11, step: 1.0e+10, {settings}}}\nfleets: {{r: 3}}\n{metrics('o.y')}"
+        f"blocks:\n  o: {{type: Robertson, per: r, start: {{y: {start}}}}}\n"
+    )
+    (y,), outcome = finals(wired(text), "o_y")
+    np.testing.assert_allclose(y.reshape(3, 3)[1], ROBERTSON, rtol=1e-6)
+    np.testing.assert_allclose(y.reshape(3, 3).sum(axis=1), [1.0, 1.0, 1.0001], atol=1e-12)
+    assert outcome.inner_steps["o"]["taken"] < 2000
+
+
 @pytest.mark.parametrize("engine", ["native", "python"])
 def test_equal_steps_do_not_follow_what_is_over_at_once(wired, engine):
     """L-stable: where a motion lasts a billionth of a step, it is gone after one step."""
