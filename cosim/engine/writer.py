@@ -12,7 +12,7 @@ from cosim.compiling.frame import frame_of
 from cosim.engine import tables
 from cosim.engine.layout import Layout, Place
 from cosim.integrators import Integration
-from cosim.wiring import members, order
+from cosim.wiring import order
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
 Range = tuple[int, int]
@@ -166,12 +166,18 @@ class Writer:
         return self.end(begin)
 
     def bank(
-        self, components: Sequence[Component], in_place: bool, integration: Integration, first: Range, inner: Range
+        self,
+        components: Sequence[Component],
+        in_place: bool,
+        integration: Integration,
+        first: Range,
+        inner: Range,
+        apart: bool = True,
     ) -> int:
         """The states of components that are integrated together, of one or of all.
 
         first, inner: the rows that give derivatives, from what is published and at a stage; in_place: stages are
-        written over what is published.
+        written over what is published. apart: whether members of a fleet do not depend on each other in a step.
         """
         method = integration.method
         if integration.integrator not in self._tableaus:
@@ -187,17 +193,14 @@ class Writer:
         row[tables.ESTIMATED], row[tables.HANDS_ON] = method.order, int(method.ends_with_slope)
         row[tables.MEMORY] = self.layout.memory + 8 * tables.MEMORY_WORDS * len(self.banks)
         if method.is_implicit:
-            row[tables.IMPLICIT] = self._equations(components, inner)
+            row[tables.IMPLICIT] = self._equations(components, inner, apart)
         self.banks.append([*row.values()])
         return len(self.banks) - 1
 
-    def _equations(self, components: Sequence[Component], inner: Range) -> int:
+    def _equations(self, components: Sequence[Component], inner: Range, apart: bool) -> int:
         """The offset of what an implicit integrator solves for the states of components."""
-        found = [self.layout.states_of(component) for component in components]
-        if len(components) == 1 or members.are_apart(self.network):
-            states = np.concatenate([part for part in found if part.size], axis=1)
-        else:
-            states = np.concatenate([part.reshape(-1) for part in found])[None]
+        found = [part for component in components if (part := self.layout.states_of(component)).size]
+        states = np.concatenate(found if apart else [part.reshape(1, -1) for part in found], axis=1)
         systems, size = states.shape
         timed = any(None in self.calls[row[tables.A]].arguments for row in self._calls(inner))
         work = self.layout.allocate(8 * states.size * (tables.SYSTEM_VECTORS + 2 * size))
@@ -209,7 +212,5 @@ class Writer:
 
     def part(self, components: Sequence[Component]) -> Range:
         """Where the continuous states of components that stand side by side are in the state vector."""
-        sizes = [self.layout.states_of(component).size for component in components]
-        first = next((c for c, size in zip(components, sizes, strict=True) if size), None)
-        begin = int(self.layout.states_of(first).min()) if first else 0
-        return begin, begin + sum(sizes)
+        states = np.concatenate([self.layout.states_of(component).reshape(-1) for component in components])
+        return int(states.min()), int(states.max()) + 1

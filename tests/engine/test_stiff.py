@@ -176,6 +176,22 @@ def test_what_depends_on_each_other_is_one_system(wired, method, wire, shapes):
     assert found == shapes
 
 
+@pytest.mark.parametrize(("method", "shape"), [("jacobi", (4, 2)), ("joint", (1, 8))])
+def test_a_block_whose_members_read_each_other_is_one_system_jointly(wired, method, shape):
+    wire = 'per: r, inputs: {u: ["o.x[2..4]", "o.x[1]"]}'
+    text = f"run: {{stop: 1, step: 1, method: {method}, integrator: rodas4}}\nfleets: {{r: 4}}\n"
+    built = program.build(wired(f"{text}blocks:\n  o: {{type: VanDerPol, {wire}}}\n"), method)
+    words = built.arena[built.banks[0][tables.IMPLICIT] :].view(np.int64)
+    assert (words[tables.SYSTEMS], words[tables.SYSTEM_SIZE]) == shape
+
+
+@pytest.mark.parametrize("how", ["integrator: rodas4", "integrator: heun, tolerance: 1.0e-3"])
+def test_a_diagram_without_states_has_nothing_to_integrate(wired, how):
+    text = f"run: {{stop: 1, step: 0.1, method: joint, {how}}}\n{metrics('s.y')}"
+    (y,), _ = finals(wired(f"{text}blocks:\n  s: {{type: Sine, parameters: {{A: 1}}}}\n"), "s_y")
+    np.testing.assert_allclose(y, [np.sin(1.0), 2.0 * np.sin(1.0)], rtol=1e-15)
+
+
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_a_fleet_whose_members_read_each_other_is_solved_as_a_whole(wired, name):
     """The same figures as with tolerances a hundred times smaller, by an explicit integrator."""
