@@ -10,7 +10,6 @@ from cosim.engine.layout import Layout
 from cosim.engine.writer import Range, Writer
 from cosim.integrators import Integration
 from cosim.master import tables
-from cosim.wiring import members
 from cosim.wiring.network import Component
 
 
@@ -21,11 +20,12 @@ def new_bank(
     integration: Integration,
     first: Range,
     inner: Range,
+    apart: bool = True,
 ) -> int:
     """The states of components that are integrated together, of one or of all.
 
     first, inner: the rows that give derivatives, from what is published and at a stage; in_place: stages are
-    written over what is published.
+    written over what is published. apart: whether members of a fleet do not depend on each other in a step.
     """
     method = integration.method
     if integration.integrator not in writer.tableaus:
@@ -41,18 +41,15 @@ def new_bank(
     row[tables.ESTIMATED], row[tables.HANDS_ON] = method.order, int(method.ends_with_slope)
     row[tables.MEMORY] = writer.layout.memory + 8 * tables.MEMORY_WORDS * len(writer.banks)
     if method.is_implicit:
-        row[tables.IMPLICIT] = _equations(writer, components, inner)
+        row[tables.IMPLICIT] = _equations(writer, components, inner, apart)
     writer.banks.append([*row.values()])
     return len(writer.banks) - 1
 
 
-def _equations(writer: Writer, components: Sequence[Component], inner: Range) -> int:
+def _equations(writer: Writer, components: Sequence[Component], inner: Range, apart: bool) -> int:
     """The offset of what an implicit integrator solves for the states of components."""
-    found = [writer.layout.states_of(component) for component in components]
-    if len(components) == 1 or members.are_apart(writer.network):
-        states = np.concatenate([part for part in found if part.size], axis=1)
-    else:
-        states = np.concatenate([part.reshape(-1) for part in found])[None]
+    found = [part for component in components if (part := writer.layout.states_of(component)).size]
+    states = np.concatenate(found if apart else [part.reshape(1, -1) for part in found], axis=1)
     systems, size = states.shape
     timed = any(None in writer.calls[row[tables.A]].arguments for row in _calls(writer, inner))
     work = writer.layout.allocate(8 * states.size * (tables.SYSTEM_VECTORS + 2 * size))
@@ -66,7 +63,5 @@ def _calls(writer: Writer, rows: Range) -> list[list[int]]:
 
 def _span(layout: Layout, components: Sequence[Component]) -> Range:
     """Where the continuous states of components that stand side by side are in the state vector."""
-    sizes = [layout.states_of(component).size for component in components]
-    first = next((c for c, size in zip(components, sizes, strict=True) if size), None)
-    begin = int(layout.states_of(first).min()) if first else 0
-    return begin, begin + sum(sizes)
+    states = np.concatenate([layout.states_of(component).reshape(-1) for component in components])
+    return int(states.min()), int(states.max()) + 1

@@ -54,7 +54,7 @@ def report_large(network: Network, problems: Problems) -> None:
     for bank in [owners] if run.method == "joint" else [[component] for component in owners]:
         if not bank or not bank[0].integration.method.is_implicit:
             continue
-        apart = len(bank) == 1 or are_apart(network)
+        apart = run.method != "joint" or are_apart(network)
         members = bank[0].count if apart else 1
         states = sum(_states(component) for component in bank) // members
         whose = f"block {bank[0].name}: its" if len(bank) == 1 else "the"

@@ -91,6 +91,9 @@ def test_the_sanitizer_would_see_a_row_too_many(write, watched):
     assert code != 0 and "heap-buffer-overflow" in said, said
 
 
-def test_an_exported_fmu_touches_nothing_else(write, watched):
-    code, said = watched("fmu", write(LOOP.format(method="gauss-seidel", integrator="rk4")))
+@pytest.mark.parametrize("settings", [("rk4", 2), ("rodas5p", 1, "run.tolerance=1e-5")])
+def test_an_exported_fmu_touches_nothing_else(write, watched, settings):
+    integrator, inner_steps, *tolerance = settings
+    path = write(LOOP.format(method="gauss-seidel", integrator=integrator))
+    code, said = watched("fmu", path, f"run.inner_steps={inner_steps}", *tolerance)
     assert code == 0 and "Sanitizer" not in said and "runtime error" not in said, said

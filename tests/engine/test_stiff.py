@@ -58,6 +58,22 @@ def test_robertson_over_eleven_decades(wired, name, tolerance, method):
     assert outcome.inner_steps["o"]["taken"] < 2000
 
 
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_a_fleet_of_vectors_of_states(wired, name, method):
+    """Three states each, side by side in memory by member; the middle one begins as the published solution does."""
+    settings = f"method: {method}, integrator: {name}, tolerance: 1.0e-6, absolute_tolerance: 1.0e-18"
+    start = "[[0.5, 0, 0.5], [1, 0, 0], [0, 1.0e-4, 1]]"
+    text = (
+        f"run: {{stop: 1.0e+11, step: 1.0e+10, {settings}}}\nfleets: {{r: 3}}\n{metrics('o.y')}"
+        f"blocks:\n  o: {{type: Robertson, per: r, start: {{y: {start}}}}}\n"
+    )
+    (y,), outcome = finals(wired(text), "o_y")
+    np.testing.assert_allclose(y.reshape(3, 3)[1], ROBERTSON, rtol=1e-6)
+    np.testing.assert_allclose(y.reshape(3, 3).sum(axis=1), [1.0, 1.0, 1.0001], atol=1e-12)
+    assert outcome.inner_steps["o"]["taken"] < 2000
+
+
 @pytest.mark.parametrize("engine", ["native", "python"])
 def test_equal_steps_do_not_follow_what_is_over_at_once(wired, engine):
     """L-stable: where a motion lasts a billionth of a step, it is gone after one step."""
@@ -159,6 +175,22 @@ def test_what_depends_on_each_other_is_one_system(wired, method, wire, shapes):
         states = words[tables.SYSTEMS_WORDS :][: found[-1][0] * found[-1][1]]
         assert sorted(states) == [*range(bank[tables.END] - bank[tables.BEGIN])]
     assert found == shapes
+
+
+@pytest.mark.parametrize(("method", "shape"), [("jacobi", (4, 2)), ("joint", (1, 8))])
+def test_a_block_whose_members_read_each_other_is_one_system_jointly(wired, method, shape):
+    wire = 'per: r, inputs: {u: ["o.x[2..4]", "o.x[1]"]}'
+    text = f"run: {{stop: 1, step: 1, method: {method}, integrator: rodas4}}\nfleets: {{r: 4}}\n"
+    built = program.build(wired(f"{text}blocks:\n  o: {{type: VanDerPol, {wire}}}\n"), method)
+    words = built.arena[built.banks[0][tables.IMPLICIT] :].view(np.int64)
+    assert (words[tables.SYSTEMS], words[tables.SYSTEM_SIZE]) == shape
+
+
+@pytest.mark.parametrize("how", ["integrator: rodas4", "integrator: heun, tolerance: 1.0e-3"])
+def test_a_diagram_without_states_has_nothing_to_integrate(wired, how):
+    text = f"run: {{stop: 1, step: 0.1, method: joint, {how}}}\n{metrics('s.y')}"
+    (y,), _ = finals(wired(f"{text}blocks:\n  s: {{type: Sine, parameters: {{A: 1}}}}\n"), "s_y")
+    np.testing.assert_allclose(y, [np.sin(1.0), 2.0 * np.sin(1.0)], rtol=1e-15)
 
 
 @pytest.mark.parametrize("name", IMPLICIT)

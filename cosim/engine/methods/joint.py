@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from cosim.engine.banks import new_bank
 from cosim.engine.writer import Writer
 from cosim.errors import FmuError
-from cosim.wiring import order
+from cosim.wiring import members, order
 from cosim.wiring.network import Component, Loop, Task
 
 
@@ -24,9 +24,11 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     inner = writer.begin()
     writer.tasks(order.continuous(writer.network, tasks))
     writer.derivatives(components)
-    bank = new_bank(writer, components, True, writer.network.diagram.run.integration, first, writer.end(inner))
+    last = writer.end(inner)
     begin = writer.begin()
-    writer.integrate(bank)
+    if writer.layout.states:
+        integration, apart = writer.network.diagram.run.integration, members.are_apart(writer.network)
+        writer.integrate(new_bank(writer, components, True, integration, first, last, apart))
     writer.phase("ADVANCE", begin)
 
 
