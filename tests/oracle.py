@@ -10,8 +10,9 @@ due compute their next states first:
 =============  ===================================================================================================
 jacobi         each block integrates its states with its inputs held at their values of t_k
 joint          all states are integrated as one system; sampled outputs are held
-gauss-seidel   the blocks with continuous states take turns, each a block after those that it reads; in a ring, one
-               with feedthrough goes as soon as something that it reads has stepped, and else the first without it.
+gauss-seidel   the blocks with continuous states take turns, each a block after those that it reads, those that read
+               each other after what they read besides; of a ring, one with feedthrough goes as soon as something that
+               it reads has stepped, and else the first without it.
                A block integrates with its inputs held at the newest values: of t_(k+1) for what has stepped, for
                sources (which depend on the time alone), and for what blocks without states compute of such; else of
                t_k. Then its own outputs are computed from the newest values, for t_(k+1).
@@ -62,6 +63,13 @@ KINDS = {
             "y": (("u",), False, lambda t, x, z, i, o, p: 0.5 * o("p") + x),
         },
         lambda t, x, z, i, o, p: p["a"] * t - o("y"),
+    ),
+    "Pair": Kind(
+        {
+            "f": ((), False, lambda t, x, z, i, o, p: 2.0 * x),
+            "h": (("u",), False, lambda t, x, z, i, o, p: x + p["a"] * i["u"]),
+        },
+        lambda t, x, z, i, o, p: p["a"] - x,
     ),
     "Hold": Kind({}, update=lambda t, z, i, p: i["u"] + 0.0 * z),
     "Sampled": Kind(
@@ -253,10 +261,13 @@ class Oracle:
         left = [b.name for b in self.blocks.values() if b.turns]
         done: list[str] = []
         while left:
-            ready = [n for n in left if not (self.reads(n) - {n}) & set(left)]
-            handing = [n for n in left if self.blocks[n].feeds_through and self.reads(n) & set(done)]
-            entered = [n for n in left if not self.blocks[n].feeds_through]
-            chosen = (ready + handing + entered + left)[0]
+            unread = {n: self.reads(n) & {*left} for n in left}
+            for _ in left:  # now of all that a block reads by way of others too
+                unread = {n: sources.union(*(unread[s] for s in sources)) for n, sources in unread.items()}
+            free = [n for n in left if all(n in unread[s] for s in unread[n])]  # its ring reads nothing else
+            handing = [n for n in free if self.blocks[n].feeds_through and self.reads(n) & {*done}]
+            entered = [n for n in free if not self.blocks[n].feeds_through]
+            chosen = (handing + entered + free)[0]
             left.remove(chosen)
             done.append(chosen)
         return done

@@ -94,6 +94,28 @@ class Chain(Block):
             d_x[q] = a * time - y[q]
 
 
+class Pair(Block):
+    """f = 2 x, h = x + a u, dx/dt = a - x: what is behind one output may be before the other."""
+
+    u = Input(2)
+    a = Parameter(default=1.0)
+    x = State(2, output=True)
+    f = Output(2)
+    h = Output(2)
+
+    def outputs_f(x, f):
+        for q in range(x.size):
+            f[q] = 2.0 * x[q]
+
+    def outputs_h(x, u, a, h):
+        for q in range(x.size):
+            h[q] = x[q] + a * u[q]
+
+    def derivatives(x, a, d_x):
+        for q in range(x.size):
+            d_x[q] = a - x[q]
+
+
 class Hold(Block):
     """z⁺ = u: a unit delay of its period."""
 

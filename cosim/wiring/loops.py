@@ -7,8 +7,9 @@ and small ones, as each of their numbers is an unknown.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,39 +17,40 @@ from cosim.authoring.variables import State
 from cosim.errors import AlgebraicLoop
 from cosim.wiring.network import Loop, Network, Signal, Task
 
+Node = TypeVar("Node", bound=Hashable)
 #: Of every task, what has to be done before it, and by which variable it is read.
 Graph = dict[Task, dict[Task, str]]
 
 
-def groups(graph: Graph) -> list[list[Task]]:
+def groups(graph: Mapping[Node, Collection[Node]]) -> list[list[Node]]:
     """The strongly connected components of a graph, what comes before others first: Tarjan's algorithm.
 
-    Their tasks, and they among themselves, stand in an order that follows from the graph's alone.
+    Their nodes, and they among themselves, stand in an order that follows from the graph's alone.
     """
-    number: dict[Task, int] = {}
-    lowest: dict[Task, int] = {}
-    height: dict[Task, int] = {}
-    stack: list[Task] = []
-    inside: set[Task] = set()
+    number: dict[Node, int] = {}
+    lowest: dict[Node, int] = {}
+    height: dict[Node, int] = {}
+    stack: list[Node] = []
+    inside: set[Node] = set()
     found = []
     for root in graph:
         waiting = [(root, iter(graph[root]))] if root not in number else []
         while waiting:
-            task, before = waiting[-1]
-            if task not in number:
-                number[task] = lowest[task] = len(number)
-                height[task] = len(stack)
-                stack.append(task)
-                inside.add(task)
+            node, before = waiting[-1]
+            if node not in number:
+                number[node] = lowest[node] = len(number)
+                height[node] = len(stack)
+                stack.append(node)
+                inside.add(node)
             new = next((other for other in before if other not in number), None)
             if new is not None:
                 waiting.append((new, iter(graph[new])))
                 continue
             waiting.pop()
-            known = [lowest[other] for other in graph[task] if other in inside]
-            lowest[task] = min([lowest[task], *known])
-            if lowest[task] == number[task]:
-                first = height[task]
+            known = [lowest[other] for other in graph[node] if other in inside]
+            lowest[node] = min([lowest[node], *known])
+            if lowest[node] == number[node]:
+                first = height[node]
                 found.append(stack[first:])
                 inside -= {*stack[first:]}
                 del stack[first:]

@@ -8,17 +8,18 @@ nothing at the same instant. Outputs that depend on each other are an algebraic 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from graphlib import TopologicalSorter
 
 from cosim.authoring.declaration import Function
-from cosim.authoring.variables import Input, State
+from cosim.authoring.variables import Input, Output, State
 from cosim.errors import Problems
 from cosim.wiring import loops
 from cosim.wiring.clocks import Clock
 from cosim.wiring.loops import Graph
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
+from cosim.wiring.sequence import sequence
 
 
 def ordered(network: Network) -> Network:
@@ -112,7 +113,8 @@ def turns(network: Network, order: Sequence[Task | Loop]) -> list[Turn]:
         before = ways.whole(stale(name))
         newest = tuple(port for port in ways.extrapolated(name) if ways.origin(name, port) <= stepped | {_TIME})
         stepped.add(name)
-        result.append(Turn(name, before, ways.whole((*stale(name), *ways.own.get(name, ()))), newest))
+        after = sorted({*stale(name), *ways.own.get(name, ())}, key=ways.place.__getitem__)
+        result.append(Turn(name, before, ways.whole(after), newest))
     return result
 
 
@@ -190,37 +192,9 @@ class _Ways:
         return self._origins([source.whole for source in self.network.components[name].wires[port]])
 
     def sequence(self) -> list[str]:
-        """The order of the turns: a block after those that it reads. A ring is entered at a block without feedthrough.
-
-        Where none is ready, a block with feedthrough goes first if something that it reads has stepped, so that it
-        hands that on.
-        """
-        unread = {name: self._read_by(name) - {name} for name in self.stepping}
-        readers: dict[str, list[str]] = {name: [] for name in self.stepping}
-        for name, sources in unread.items():
-            for source in sources:
-                readers[source].append(name)
-        place = {name: k for k, name in enumerate(self.stepping)}
-        passing = {name for name in self.stepping if self._feeds_through(name)}
-        ready, handing = ([k for name, k in place.items() if not unread[name]], list[int]())
-        entered = [k for name, k in place.items() if name not in passing]
-        queues, result = (ready, handing, entered, [*place.values()]), dict[str, None]()
-        while len(result) < len(place):
-            chosen = next(name for queue in queues for name in self._first(queue, result))
-            result[chosen] = None
-            for name in readers[chosen]:
-                unread[name].discard(chosen)
-                if not unread[name]:
-                    heapq.heappush(ready, place[name])
-                elif name in passing:
-                    heapq.heappush(handing, place[name])
-        return [*result]
-
-    def _first(self, queue: list[int], done: Container[str]) -> Iterator[str]:
-        """The first of a heap of blocks with a turn that is not done, if any."""
-        while queue and self.stepping[queue[0]] in done:
-            heapq.heappop(queue)
-        yield from (self.stepping[k] for k in queue[:1])
+        """The order of the turns, see `sequence.py`."""
+        reads = {name: self._read_by(name) - {name} for name in self.stepping}
+        return sequence(reads, {name for name in self.stepping if self._feeds_through(name)})
 
     def _read_by(self, name: str) -> set[str]:
         component = self.network.components[name]
@@ -228,10 +202,18 @@ class _Ways:
         return direct.union(*(self.origins.get(task, ()) for task in self.before(name))) - {_TIME}
 
     def _feeds_through(self, name: str) -> bool:
+        """Whether an output depends on an input at the same instant, at once or by way of locals."""
         declaration = self.network.components[name].declaration
-        return not self.network.components[name].is_sampled and any(
-            isinstance(declaration.variables.get(r), Input) for f in declaration.kind("outputs") for r in f.reads
-        )
+        if self.network.components[name].is_sampled:
+            return False
+        reached = dict.fromkeys(output.name for output in declaration.of(Output))
+        waiting = [*reached]
+        while waiting:
+            writer = declaration.writer(waiting.pop())
+            new = dict.fromkeys(read for read in (writer.reads if writer else ()) if read not in reached)
+            reached |= new
+            waiting += new
+        return any(isinstance(declaration.variables.get(read), Input) for read in reached)
 
 
 def graph_of(network: Network, starts: bool) -> Graph:

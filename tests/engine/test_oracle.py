@@ -21,10 +21,26 @@ STEP, STEPS, MEMBERS = 0.125, 9, 3
 NUMBERS = st.integers(-8, 8).map(lambda n: n / 8)
 PORTS = {
     **{kind: ["y"] for kind in ("Wave", "Sum", "Drift", "Sampled", "Mean")},
-    **{"Integral": ["x"], "Hold": ["z"], "Mixed": ["x"], "Leak": ["x", "y"], "Chain": ["x", "p", "y"]},
+    **{
+        "Integral": ["x"],
+        "Hold": ["z"],
+        "Mixed": ["x"],
+        "Leak": ["x", "y"],
+        "Chain": ["x", "p", "y"],
+        "Pair": ["x", "f", "h"],
+    },
 }
-STATES = {"Integral": "x", "Leak": "x", "Chain": "x", "Hold": "z", "Sampled": "z", "Mixed": "xz"}
-PARAMETERS = {"Wave": "fA", "Sum": "ab", "Drift": "a", "Leak": "ab", "Chain": "a", "Sampled": "a", "Mixed": "a"}
+STATES = {"Integral": "x", "Leak": "x", "Chain": "x", "Pair": "x", "Hold": "z", "Sampled": "z", "Mixed": "xz"}
+PARAMETERS = {
+    "Wave": "fA",
+    "Sum": "ab",
+    "Drift": "a",
+    "Leak": "ab",
+    "Chain": "a",
+    "Pair": "a",
+    "Sampled": "a",
+    "Mixed": "a",
+}
 INPUTS = {"Wave": "", "Sum": "uw"}
 
 

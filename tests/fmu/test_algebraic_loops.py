@@ -21,6 +21,13 @@ blocks:
   a: {python: own.py:Line, start: {u: 0.0}, parameters: {k: -3.0}}
   b: {python: own.py:Line, start: {u: 0.0}, parameters: {k: 0.5}}
 """
+SUMS = """
+class Sums(Block):
+    u = Input()
+    x = State(output=True)
+    def derivatives(u, d_x):
+        d_x[0] = u
+"""
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +72,29 @@ def test_a_ring_of_fmi_2_co_simulation_runs_with_its_delay(folder, trajectories,
     got = trajectories(network, "a.y", "b.y", engine=engine)
     assert all(np.isfinite(got[name]).all() for name in ("a.y", "b.y"))
     np.testing.assert_allclose(got["a.y"][0], -0.8, rtol=1e-12)  # at initialization it is solved
+
+
+def test_a_loop_is_not_exported_as_one_fmu(folder):
+    (folder / "d.yaml").write_text(RING.format(method="jacobi"))
+    with pytest.raises(NotExportable, match=r"an algebraic loop through `[ab].y` cannot be exported as one FMU"):
+        export_fmu(run.load(folder / "d.yaml"), ["a", "b"], folder / "both.fmu")
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("swapped", ["", "a", "b", "ab"])
+def test_what_reads_a_ring_waits_for_its_turns_under_gauss_seidel(folder, trajectories, swapped, engine):
+    """Blocks without states are evaluated when they are read, their Co-Simulation FMUs after their turn: the same.
+
+    a = -2 (1 + t) / 2.5, which `last` integrates at the later time of each step.
+    """
+    text = RING.format(method="gauss-seidel").replace(
+        "blocks:", "blocks:\n  last: {python: own.py:Sums, inputs: {u: a.y}}"
+    )
+    (folder / "own.py").write_text(BLOCKS + SUMS)
+    (folder / "d.yaml").write_text(text)
+    swaps = [f"{block}={folder}/{block}3.fmu" for block in swapped]
+    network = run.load(folder / "d.yaml", [f"blocks.{block}.mode=co-simulation" for block in swapped], swaps)
+    got = trajectories(network, "last.x", engine=engine)["last.x"]
+    later = 1.0 + 0.1 * np.arange(6)
+    expected = -0.8 * 0.1 * (np.cumsum(later) - 1.0)
+    np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-15)

@@ -180,3 +180,22 @@ def test_integers_are_sampled_at_communication_points_only(tmp_path, method, ver
     n, m = got["rise.n"].ravel(), got["keep.m"].ravel()
     assert np.array_equal(m[2:], n[: len(m) - 2][np.arange(len(m) - 2) // 2 * 2])
     assert n[-1] == pytest.approx(1e4 * (1 - np.exp(-2)), abs=2)
+
+
+BEFORE = """
+run: {stop: 1, step: 0.125, method: gauss-seidel}
+blocks:
+  first: {type: Integral, start: {x: [1, 2]}, inputs: {u: second.x}}
+  second: {type: Integral, start: {x: [3, -1]}, inputs: {u: gain.y}}
+  gain: {type: Sum, parameters: {a: -0.5, b: 0.25}, inputs: {u: first.x, w: second.x}}
+"""
+
+
+def test_an_fmu_whose_locals_alone_read_inputs_is_no_feedthrough(tmp_path):
+    """Among its locals is its derivative, which is its input: it takes its turn where the block does."""
+    path = tmp_path / "before.yaml"
+    path.write_text(BEFORE.replace("type: ", f"python: {BLOCKS}:"))
+    fmu = export_fmu(run.load(path), ["first"], tmp_path / "first.fmu", "3.0")
+    names = ("first.x", "second.x")
+    expected, got = (native(run.load(path, swaps=swaps), *names) for swaps in ((), (f"first={fmu}",)))
+    assert all(got[name].tobytes() == expected[name].tobytes() for name in names)

@@ -1,5 +1,6 @@
 import re
 
+import numpy as np
 import pytest
 
 from cosim.errors import AlgebraicLoop, DiagramErrors
@@ -145,3 +146,76 @@ def test_outputs_that_derivatives_read_through_others_are_evaluated_in_every_sta
     assert [f.name for f in order.needed_outputs(network.components["c"])] == ["outputs_twice", "outputs_fourfold"]
     found = trajectories(network, "c.x", "f.x", engine="python")
     assert list(found["c.x"]) == [0.0, 4.0, 6.0]  # 8 h u, and u = 1, 1/2, 1/4
+
+
+TWO_OUTPUTS = """
+from cosim import Block, Input, Output, State
+
+class Two(Block):
+    '''dx/dt = 1, with one output before what its other output reads.'''
+    z = Input()
+    x = State(output=True)
+    f = Output()
+    h = Output()
+    def outputs_f(x, f):
+        f[0] = x
+    def outputs_h(x, z, h):
+        h[0] = z + x
+    def derivatives(d_x):
+        d_x[0] = 1.0
+
+class Three(Block):
+    u = Input()
+    y = Output()
+    def outputs(u, y):
+        y[0] = 3.0 * u
+
+class Integral(Block):
+    u = Input()
+    x = State(output=True)
+    def derivatives(u, d_x):
+        d_x[0] = u
+
+class Lead(Block):
+    '''y = x + u, dx/dt = 1'''
+    u = Input()
+    x = State(output=True)
+    y = Output()
+    def outputs(u, x, y):
+        y[0] = x + u
+    def derivatives(d_x):
+        d_x[0] = 1.0
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize("source", ["b.x", "b.f"])
+def test_what_stands_between_two_outputs_of_a_block_sees_the_new_one(wired, tmp_path, trajectories, source, engine):
+    """x = f = t, and c integrates 3 f at the later time of each step; h = x + 3 f."""
+    (tmp_path / "own.py").write_text(TWO_OUTPUTS)
+    text = f"""
+        run: {{stop: 0.5, step: 0.125, method: gauss-seidel}}
+        blocks:
+          b: {{python: own.py:Two, inputs: {{z: g.y}}}}
+          g: {{python: own.py:Three, inputs: {{u: {source}}}}}
+          c: {{python: own.py:Integral, inputs: {{u: g.y}}}}
+          d: {{python: own.py:Integral, inputs: {{u: b.h}}}}
+        """
+    got = trajectories(wired(text), "c.x", "d.x", engine=engine)
+    sums = 0.125 * np.cumsum(0.125 * np.arange(5))
+    assert np.array_equal(got["c.x"], 3.0 * sums) and np.array_equal(got["d.x"], 4.0 * sums)
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_block_behind_a_ring_of_feedthrough_waits_for_it(wired, tmp_path, trajectories, engine):
+    """It reads what they have come to, wherever it stands: x = t of both, so that it integrates t + h."""
+    (tmp_path / "own.py").write_text(TWO_OUTPUTS)
+    text = """
+        run: {stop: 0.5, step: 0.125, method: gauss-seidel}
+        blocks:
+          behind: {python: own.py:Integral, inputs: {u: two.x}}
+          one: {python: own.py:Lead, inputs: {u: two.x}}
+          two: {python: own.py:Lead, inputs: {u: one.x}}
+        """
+    got = trajectories(wired(text), "behind.x", engine=engine)["behind.x"]
+    assert np.array_equal(got, 0.125 * np.cumsum(0.125 * np.arange(5)))
