@@ -27,10 +27,9 @@ def merge(network: Network) -> None:
 
 
 def _can_merge(network: Network, component: Component) -> bool:
-    """Whether a block has several such functions, and no block's turn under Gauss-Seidel depends on which."""
+    """Whether a block has several such functions. Under Gauss-Seidel turns depend on which of them reads an input."""
     several = bool(component.declaration.foreign) and len(component.declaration.kind("outputs")) > 1
-    free = not (order.has_turn(component) or component.is_sampled)
-    return several and not (free and network.diagram.run.method == "gauss-seidel")
+    return several and network.diagram.run.method != "gauss-seidel"
 
 
 def _together(network: Network, components: set[str]) -> Iterator[Sequence[Task]]:

@@ -74,12 +74,6 @@ def test_a_ring_of_fmi_2_co_simulation_runs_with_its_delay(folder, trajectories,
     np.testing.assert_allclose(got["a.y"][0], -0.8, rtol=1e-12)  # at initialization it is solved
 
 
-def test_a_loop_is_not_exported_as_one_fmu(folder):
-    (folder / "d.yaml").write_text(RING.format(method="jacobi"))
-    with pytest.raises(NotExportable, match=r"an algebraic loop through `[ab].y` cannot be exported as one FMU"):
-        export_fmu(run.load(folder / "d.yaml"), ["a", "b"], folder / "both.fmu")
-
-
 @pytest.mark.parametrize("engine", ["native", "python"])
 @pytest.mark.parametrize("swapped", ["", "a", "b", "ab"])
 def test_what_reads_a_ring_waits_for_its_turns_under_gauss_seidel(folder, trajectories, swapped, engine):
