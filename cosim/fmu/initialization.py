@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.authoring.variables import Input, Parameter
 from cosim.errors import WrongValue
-from cosim.fmu import binary_data, fields, messages
+from cosim.fmu import fields, messages
 from cosim.fmu.fmi import NewInstance
 from cosim.fmu.handles import Handles
 from cosim.fmu.ports import Port
@@ -97,8 +97,7 @@ class Initialization:
         references = np.array(port.references, np.uint32)
         sizes: tuple[int, ...] = ()
         if port.is_text:
-            texts = [str(text) for text in np.asarray(value, object).reshape(-1)]
-            raw = [binary_data.read(text) if port.is_binary else text.encode() for text in texts]
+            raw = [port.encoded(str(text)) for text in np.asarray(value, object).reshape(-1)]
             lengths = np.array([len(data) for data in raw], np.uint64)
             sizes = (lengths.ctypes.data,) if port.is_binary else ()
             data: Any = (ctypes.c_char_p * len(raw))(*raw)

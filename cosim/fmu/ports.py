@@ -116,6 +116,10 @@ class Port:
             return values[0]
         return np.array(values, self.dtype).reshape(self.shape).tolist() if len(values) == self.size else None
 
+    def encoded(self, text: str) -> bytes:
+        """A text as the FMU takes it. Raises: ValueError for binary data that are not written in pairs of digits."""
+        return bytes.fromhex(text) if self.is_binary else text.encode()
+
     def _number(self, text: str) -> Any:
         """Raises: FmuError where it is no value of the variable's type."""
         try:
