@@ -18,6 +18,7 @@ from cosim.fmu import versions
 from cosim.language import units
 
 MOST_ELEMENTS = 10_000_000
+IS_TIME = "is the time"
 _LARGEST_REFERENCE = 2**32 - 1
 
 
@@ -193,7 +194,7 @@ def why_unusable(variable: Any) -> str:
     if variable.clocks:
         return "belongs to a clock"
     if variable.causality == "independent":
-        return "is the time"
+        return IS_TIME
     if variable.type in ("String", "Binary") and variable.causality not in ("parameter", "input"):
         return f"is {'text' if variable.type == 'String' else 'binary data'}, which is no signal"
     return ""

@@ -13,19 +13,20 @@ from cosim.language.values import Value
 
 
 def sizes(entry: BlockEntry, description: Any) -> dict[str, int]:
-    """The structural parameters to which an entry gives a value, under whatever name it calls them, by their own.
+    """The sizes to which an entry gives a value, under whatever name it calls them, by the FMU's name.
 
     Raises: WrongType, WrongValue, ExpressionError.
     """
-    known = {v.name: (v.alias or v).name for v in description.modelVariables if v.causality == "structuralParameter"}
+    sizing = {d.variable.name for v in description.modelVariables for d in v.dimensions if d.variable is not None}
+    own = {v.name: (v.alias or v).name for v in description.modelVariables}
     names = {ours: node.value for ours, node in entry.ports.items() if isinstance(node.value, str)}
-    given = {names.get(name, name): node for name, node in entry.parameters.items()}
-    return {known[name]: _size(entry, name, node) for name, node in given.items() if name in known}
+    given = {own.get(names.get(name, name), ""): (name, node) for name, node in entry.parameters.items()}
+    return {theirs: _size(entry, *given[theirs]) for theirs in sizing & given.keys()}
 
 
 def _size(entry: BlockEntry, name: str, node: Node) -> int:
     if isinstance(node.value, list):
-        message = f"block {entry.name}: the structural parameter `{name}` needs one value"
+        message = f"block {entry.name}: `{name}` needs one value"
         raise WrongValue(
             message, node.position, "give one for all members of a fleet, as shapes of ports follow from it"
         )

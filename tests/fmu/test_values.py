@@ -231,7 +231,7 @@ def test_what_has_no_elements_is_no_port(load, told_of, mistake):
     [
         ("parameters: {size: 4}, start: {in: 0}", "parameter `gains` of told has no value"),
         ("parameters: {size: 4, gains: 1}", "input `in` is not connected and has no start value"),
-        ("parameters: {size: [3, 4], gains: 1}, start: {in: 0}", "the structural parameter `size` needs one value"),
+        ("parameters: {size: [3, 4], gains: 1}, start: {in: 0}", "`size` needs one value"),
         ("parameters: {size: 2.5}", "2.5 is no whole number"),
         ("parameters: {size: -1}", "does not fit uint64"),
         ("parameters: {size: i}", "`i` in `i` is the number of a fleet's member"),
