@@ -32,6 +32,9 @@ from cosim.language.entry import BlockEntry
 def declaration(fmu: Fmu, entry: BlockEntry) -> Declaration:
     """The declaration of an FMU with its ports and its structure. Raises: FmuError."""
     states = list(dict.fromkeys(name for name, _ in fmu.states))
+    if "time" in fmu.ports:
+        message = "it has a variable called `time`, which in a diagram is the time"
+        raise FmuError(message, fix="give it another name, ports: {clock: time}")
     variables = {name: _variable(name, port, name in states) for name, port in fmu.ports.items()}
     for name in states:
         clash = variables.get(f"d_{name}")

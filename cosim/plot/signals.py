@@ -58,6 +58,8 @@ def _parsed(result: Result, text: str) -> tuple[str, tuple[int | None, ...]]:
 
     Raises: PlotError, ResultError.
     """
+    if text in result.signals:  # which may end in brackets where they belong to the name of an FMU's variable
+        return text, (None,) * len(result.signals[text].shape)
     match = _ELEMENT.fullmatch(text.strip())
     if match is None:
         raise PlotError(f"`{text}` names no signal", fix="such as plant.x, plant.x[1,2] or plant.x[:,2]")

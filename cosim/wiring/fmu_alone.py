@@ -137,7 +137,7 @@ def _with_all(tree: Node, declaration: Declaration, name: str, place: Position) 
     record = dict(sections["record"].value) if "record" in sections else {}
     if "signals" not in record:
         shown = [v for v in declaration.variables.values() if not isinstance(v, (Input, Parameter))]
-        record["signals"] = _node([f"{name}.{v.name}" for v in shown if v.name.strip() == v.name], place)
+        record["signals"] = _node([f"{name}.{v.name}" for v in shown if v.name and v.name.strip() == v.name], place)
         sections["record"] = Node(record, place)
     blocks = sections["blocks"]
     keys = dict(blocks.value[name].value)

@@ -287,11 +287,11 @@ class Network:
         if name not in self.components:
             fix = nearest(name, self.components)
             raise UnknownBlock(f"`{text}`: the diagram has no block `{name}`", position, fix)
-        variables = {k: v for k, v in self.components[name].declaration.variables.items() if _can_record(v)}
-        if port not in variables:
+        declaration = self.components[name].declaration
+        if port not in declaration.variables or not _can_record(declaration.variables[port]):
             message = f"`{text}`: block {name} has no variable `{port}` to record"
-            fix = meaning.usual_fix(self.components[name].declaration, port, variables)
-            raise UnknownPort(message, position, fix)
+            known = [k for k, v in declaration.variables.items() if _can_record(v)]
+            raise UnknownPort(message, position, meaning.usual_fix(declaration, port, known))
         return Signal(name, port)
 
     def signals(self) -> Iterator[Signal]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,12 @@ COPIES = 2
 
 def fit(components: Iterable[Component], problems: Problems) -> bool:
     """Whether the variables of all components, as far as their dimensions are known, fit into memory; else a report."""
-    sizes = {(s.name, v.name): (_bytes(s, v), s, v) for s in components for v in s.declaration.variables.values()}
+    sizes = {
+        (component.name, variable.name): (_bytes(component, variable, continuous), component, variable)
+        for component in components
+        for continuous in (set(component.declaration.continuous()),)
+        for variable in component.declaration.variables.values()
+    }
     if not sizes:
         return True
     needed, there = COPIES * sum(size for size, _, _ in sizes.values()), memory()
@@ -40,11 +45,11 @@ def fit(components: Iterable[Component], problems: Problems) -> bool:
     return False
 
 
-def _bytes(component: Component, variable: Variable) -> int:
+def _bytes(component: Component, variable: Variable, continuous: Container[Variable]) -> int:
     """What a variable takes at least: what is given or wired may be shared, what is computed is not."""
     if not isinstance(variable, (State, Output, Local, CalculatedParameter)) or component.signal_axes(variable) is None:
         return 0
-    copies = 5 if variable in component.declaration.continuous() else 2 if isinstance(variable, State) else 1
+    copies = 5 if variable in continuous else 2 if isinstance(variable, State) else 1
     return copies * component.count * component.nbytes(variable)
 
 

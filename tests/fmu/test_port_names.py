@@ -164,3 +164,21 @@ def test_elements_are_found_in_their_array(write, fmus, keys, words):
     with pytest.raises(DiagramErrors) as caught:
         run.load(write(text))
     assert words in str(caught.value)
+
+
+def test_a_variable_that_is_called_time_needs_another_name(tmp_path, write, trajectories):
+    """FMI 2 has the independent variable by its causality, not by its name."""
+    from tests.fmu import machine
+    from tests.fmu.machine import Model, V
+
+    variables = (V("time", 101, "Float64", "output", None), V("u", 1, "Float64", "input", "3"))
+
+    def edit(xml):
+        return xml.replace('name="time" valueReference="0"', 'name="t" valueReference="0"')
+
+    path = machine.pack(tmp_path, 2, Model("feedthrough", variables), feedthrough.SOURCE, "cs", edit=edit)
+    with pytest.raises(DiagramErrors, match="it has a variable called `time`"):
+        run.load(write(f"run: {{stop: 1, step: 1}}\nblocks: {{plant: {{fmu: {path}}}}}\n"))
+    keys = f"fmu: {path}, ports: {{clock: time}}, start: {{u: 3}}"
+    network = run.load(write(f"run: {{stop: 1, step: 1}}\nblocks: {{plant: {{{keys}}}}}\n"))
+    assert [*trajectories(network, "plant.clock")["plant.clock"].ravel()] == [3.0, 3.0]
