@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from cosim.errors import WrongUnit
 from cosim.language import units
 
@@ -65,8 +67,10 @@ def _numbers(key: str, given: Any, variable: Any) -> tuple[str, str] | None:
             return what, f"write such as {key}=2.5, or {key}=(1.0, 0.1) for the elements of the first axis"
         if key == "nominal" and part <= 0:
             return f"{part:g} is not above 0", "give the usual size of its values"
-        if variable.dtype.kind in "iu" and part != int(part):
-            return f"{part:g} is no whole number", "give one, as the variable's values are"
+        if variable.dtype.kind in "iu":
+            least, most = np.iinfo(variable.dtype).min, np.iinfo(variable.dtype).max
+            if part != int(part) or not least <= part <= most:
+                return f"{part:g} is no {variable.dtype}", f"give a whole number from {least} to {most}"
     return _count(given, variable.shape, "numbers", "write one number")
 
 

@@ -162,11 +162,11 @@ class Period(Variable):
     causality = "calculatedParameter"
 
 
-def spread(numbers: Numbers, shape: tuple[int, ...]) -> np.ndarray | None:
-    """A nominal value or a limit for every element of a variable of a shape; None where there is none."""
+def spread(numbers: Numbers, shape: tuple[int, ...], dtype: Any = float) -> np.ndarray | None:
+    """A nominal value or a limit for every element of a variable of a shape and type; None where there is none."""
     if numbers is None:
         return None
-    array = np.asarray(numbers, float)
+    array = np.asarray(numbers, dtype)
     return np.broadcast_to(array.reshape(*array.shape, *(1,) * (len(shape) - 1)) if array.shape else array, shape)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
+from cosim.errors import NotExportable
 from cosim.export.about import About
 from cosim.export.model import Model
 from cosim.export.model_description import Item, ModelDescription, text, truth
@@ -56,6 +57,8 @@ class Fmi2Description(ModelDescription):
         values = self.quantities(item)
         if v.start is not None:
             values["start"] = text(v.start.reshape(-1)[item.first])
+        if kind == "Integer":
+            values = _of_32_bits(item.name, values)
         if v.state:
             values["derivative"] = str(self.references(self.model.of(v.state))[item.first])
         SubElement(element, kind, values)
@@ -71,3 +74,12 @@ class Fmi2Description(ModelDescription):
             parent = SubElement(structure, tag)
             for index, dependencies in self.unknowns(chosen, initial):
                 SubElement(parent, "Unknown", index=str(index), dependencies=dependencies)
+
+
+def _of_32_bits(name: str, values: dict[str, str]) -> dict[str, str]:
+    """The attributes of an Integer, which has no more bits: wider limits go without saying. Raises: NotExportable."""
+    too_large = {key for key, value in values.items() if not -(2**31) <= int(value) < 2**31}
+    if "start" in too_large:
+        message = f"`{name}` starts as {values['start']}, and FMI 2's integers have 32 bits"
+        raise NotExportable(message, fix="export it as FMI 3.0")
+    return {key: value for key, value in values.items() if key not in too_large}

@@ -135,7 +135,8 @@ def _moved(built: Program) -> Iterator[Signal]:
             values = built.stored(signal := Signal(component.name, declared.name), built.arena)
             finite = values if _is_finite(values) else np.where(np.isfinite(values), values, 0.0)
             allowed = _within(
-                finite, *(spread(limit, component.shape(declared)) for limit in (declared.min, declared.max))
+                finite,
+                *(spread(limit, component.shape(declared), declared.dtype) for limit in (declared.min, declared.max)),
             )
             if (values != allowed).any():
                 values[...] = allowed
@@ -243,7 +244,7 @@ class _Describer:
         given = declared.dtype.kind == "f" or isinstance(declared, (Input, Parameter))
         keys = ("nominal", "min", "max") if given else ()
         own = component.shape(declared)
-        spreads = {key: spread(getattr(declared, key), own) for key in keys}
+        spreads = {key: spread(getattr(declared, key), own, declared.dtype) for key in keys}
         found = {key: np.broadcast_to(numbers, shape) for key, numbers in spreads.items() if numbers is not None}
         return {**found, "display": declared.display}
 
@@ -252,7 +253,7 @@ class _Describer:
         place = self.model.program.places[Signal(component.name, declared.name)]
         arena = self.initialized if computed else self.model.program.arena
         values = np.ndarray(shape, place.dtype, arena.data, place.offset).copy()
-        limits = (spread(limit, component.shape(declared)) for limit in (declared.min, declared.max))
+        limits = (spread(limit, component.shape(declared), declared.dtype) for limit in (declared.min, declared.max))
         return _within(values, *limits).astype(place.dtype) if computed else values
 
     def _derivative(self, state: FmiVariable, component: Component, declared: Variable) -> FmiVariable:

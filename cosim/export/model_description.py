@@ -163,7 +163,7 @@ class ModelDescription(ABC):
             if numbers is not None:
                 part = numbers.reshape(-1)[item.first : item.first + item.count]
                 number = part[0] if (part == part[0]).all() else None
-                found[key] = None if number is None else text(item.variable.dtype.type(number))
+                found[key] = None if number is None else text(number)
         return {key: value for key, value in found.items() if value}
 
     def outputs(self) -> list[FmiVariable]:

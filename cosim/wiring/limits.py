@@ -35,7 +35,7 @@ def check(component: Component, variable: Variable, values: np.ndarray, position
         (variable.min, "below its minimum", np.less),
         (variable.max, "above its maximum", np.greater),
     ):
-        bounds = spread(limit, own)
+        bounds = spread(limit, own, variable.dtype)
         if bounds is None:
             continue
         beyond = np.argwhere(is_beyond(values, bounds) | np.isnan(values))

@@ -503,7 +503,12 @@ NAMES = {
         "of the type bool has none",
         "leave it out",
     ),
-    "half an integer": ("late = Input(dtype=int, max=2.5, start=1)  #!", "2.5 is no whole number", "give one"),
+    "half an integer": ("late = Input(dtype=int, max=2.5, start=1)  #!", "2.5 is no int64", "a whole number"),
+    "a limit beyond its type": (
+        "late = Input(dtype='uint8', max=300, start=1)  #!",
+        "300 is no uint8",
+        "a whole number from 0 to 255",
+    ),
     "limits exchanged": (
         "late = Input(min=2, max=1, start=1.5)  #!",
         "`min` of `late`, 2, is above its `max`, 1",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import zipfile
 from ctypes import c_double
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
+from lxml import etree
 
 from cosim.engine import run
+from cosim.errors import NotExportable
 from cosim.export.exporter import export_fmu
 from tests.fmu.fmu_host import Host
 
@@ -150,3 +153,49 @@ def test_start_values_keep_the_limits(network, tmp_path, caplog, version):
     host.step(0.0, 0.1)
     np.testing.assert_array_equal(host.get("w"), [0.5, 0.5])
     host.free()
+
+
+WHOLE = """
+from cosim import Block, Input, Output, Parameter
+
+class Whole(Block):
+    u = Input(dtype="uint64", max=2**64 - 1, start=2)
+    k = Parameter(dtype="int64", min=-(2**63), max=2**53 + 1, default=1)
+    f = Parameter(dtype="float32", min=0.1, max=0.3, default=0.1)
+    y = Output(dtype="int64")
+    def outputs(u, k, f, y):
+        y[0] = u + k if f < 0.5 else 0
+"""
+
+
+def test_limits_of_whole_numbers_and_of_single_precision_are_exact(tmp_path):
+    (tmp_path / "own.py").write_text(WHOLE)
+    text = "run: {stop: 1, step: 0.1}\nblocks: {whole: {python: own.py:Whole, parameters: {f: 0.3}}}\n"
+    (tmp_path / "d.yaml").write_text(text)
+    network = run.load(tmp_path / "d.yaml")
+    three, two = (export_fmu(network, [], tmp_path / f"w{v[0]}.fmu", v) for v in ("3.0", "2.0"))
+    with zipfile.ZipFile(three) as archive:
+        told = {v.get("name"): v for v in etree.fromstring(archive.read("modelDescription.xml")).find("ModelVariables")}
+    assert (told["u"].get("min"), told["u"].get("max")) == (None, str(2**64 - 1))
+    assert (told["k"].get("min"), told["k"].get("max")) == (str(-(2**63)), str(2**53 + 1))
+    variables = {v.name: v for v in read_model_description(two).modelVariables}
+    assert [variables[name].max for name in ("u", "k")] == [None, None]  # FMI 2's integers have 32 bits
+    for path in (three, two):
+        assert validate_fmu(str(path)) == []
+        host = Host(path)
+        for f in (0.1, 0.3):
+            host.initialize(f=f, k=5)
+            assert host.get("y") == 7
+            host.fmu.reset()
+        host.free()
+
+
+def test_a_start_value_that_fmi_2_cannot_hold_is_named(tmp_path):
+    (tmp_path / "own.py").write_text(WHOLE)
+    text = "run: {stop: 1, step: 0.1}\nblocks: {whole: {python: own.py:Whole, parameters: {k: 3000000000}}}\n"
+    (tmp_path / "d.yaml").write_text(text)
+    network = run.load(tmp_path / "d.yaml")
+    with pytest.raises(NotExportable, match="`k` starts as 3000000000, and FMI 2's integers have 32 bits") as caught:
+        export_fmu(network, [], tmp_path / "no.fmu", "2.0")
+    assert caught.value.fix == "export it as FMI 3.0" and not (tmp_path / "no.fmu").exists()
+    assert Host(export_fmu(network, [], tmp_path / "w.fmu", "3.0")).initialize().get("y") == 3000000002
