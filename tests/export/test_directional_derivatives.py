@@ -75,6 +75,15 @@ class Single(Block):
         y[0] = u * u * u
         z[0] = n * u
 
+class Scaled(Block):
+    large = Input(start=1e6)
+    small = Input(start=0.0, nominal=1e-3)
+    y = Output()
+    z = Output()
+    def outputs(large, small, y, z):
+        y[0] = large * large * large
+        z[0] = math.sin(1e3 * small)
+
 class Held(Block):
     u = Input(start=1.0)
     kept = State()
@@ -92,6 +101,7 @@ blocks:
   edge: {python: own.py:Edge}
   point: {python: own.py:Point}
   single: {python: own.py:Single}
+  scaled: {python: own.py:Scaled}
   held: {python: own.py:Held, period: 0.2}
   fleet: {python: own.py:Swing, per: robot, start: {u: ["0.1*i", 2], q: "0.2*i"}}
 """
@@ -195,6 +205,13 @@ def test_the_jacobian_has_its_closed_form(begun, version, me):
     tolerance = 4 * EPS * values[:, None] / steps + (2 * steps) ** 4 / 30 * 10
     assert (abs(got - want) <= tolerance).all(), abs(got - want) / tolerance
     assert abs(got - want)[:, :6].max() / abs(want).max() < 1e-11
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_steps_are_scaled_by_values_and_by_nominal_values(begun, version):
+    """By one of them alone, the step would be too small for y, or too large for z, by a factor of 1000 or more."""
+    host = begun("scaled", version)
+    np.testing.assert_allclose(jacobian(host, ["y", "z"], ["large", "small"]), [[3e12, 0.0], [0.0, 1e3]], rtol=1e-11)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

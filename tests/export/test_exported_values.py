@@ -119,6 +119,19 @@ def test_fmpy_simulates_scalars_as_it_does_arrays(fmus, interface):
     assert scalars["robot.x[3,1]"].tobytes() == arrays["robot.x"][:, 2, 0].copy().tobytes()
 
 
+def test_what_comes_by_way_of_the_whole_fleet_depends_on_all_of_it(tmp_path):
+    """Though on the last stretch each member reads its own."""
+    text = FLEET + (
+        f"  filter: {{python: {BLOCKS}:Filter, per: robot, inputs: {{u: robot.x}}}}\n"
+        f"  crowd: {{python: {BLOCKS}:Mean, per: robot, inputs: {{x: filter.y}}}}\n"
+    )
+    path = export_fmu(load(tmp_path, text), ["robot", "filter", "crowd"], tmp_path / "crowd.fmu", "2.0")
+    found = {u.variable.name: {d.name for d in u.dependencies} for u in read_model_description(path).outputs}
+    every = {f"{name}[{i},{q}]" for name in ("robot.x", "filter.z") for i in (1, 2, 3) for q in (1, 2)}
+    assert found["crowd.mean[2,1]"] == every
+    assert found["filter.y[2,1]"] == {name for name in every if "[2," in name}
+
+
 # ---- what is no number ------------------------------------------------------------------------------------------
 
 STRANGE = """
