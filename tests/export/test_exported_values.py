@@ -125,7 +125,7 @@ def test_what_comes_by_way_of_the_whole_fleet_depends_on_all_of_it(tmp_path):
         f"  filter: {{python: {BLOCKS}:Filter, per: robot, inputs: {{u: robot.x}}}}\n"
         f"  crowd: {{python: {BLOCKS}:Mean, per: robot, inputs: {{x: filter.y}}}}\n"
     )
-    path = export_fmu(load(tmp_path, text), ["robot", "filter", "crowd"], tmp_path / "crowd.fmu", "2.0")
+    path = export_fmu(load(tmp_path, text), ["robot", "filter", "crowd", "mean"], tmp_path / "crowd.fmu", "2.0")
     found = {u.variable.name: {d.name for d in u.dependencies} for u in read_model_description(path).outputs}
     every = {f"{name}[{i},{q}]" for name in ("robot.x", "filter.z") for i in (1, 2, 3) for q in (1, 2)}
     assert found["crowd.mean[2,1]"] == every
