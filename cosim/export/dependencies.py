@@ -70,10 +70,13 @@ class Dependencies:
         return _of_writers(component, "outputs", signal)
 
     def _of_wire(self, component: Component, port: str) -> Knowns:
+        """A member reads its own part of a fleet's signal, or, where the port has room for it, that of all members."""
         sources = component.wires[port]
         same = component.fleet is not None and self.network.components[sources[0].component].fleet == component.fleet
+        shape = component.shape(component.declaration.variables[port])
+        dealt = len(self.network.shape(sources[0])) == len(shape) + 1
         whole = sources[0].members is None and not component.is_joined(port)
-        return dict.fromkeys((source.whole for source in sources), same and whole)
+        return dict.fromkeys((source.whole for source in sources), same and dealt and whole)
 
     def _of_state(self, component: Component, declared: State, signal: Signal) -> Knowns | None:
         if self.starts and not self.started.get(signal, True):
