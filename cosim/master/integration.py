@@ -190,7 +190,10 @@ def fitted(planned: float, left: float) -> float:
 
 
 def following(b: Any, h: float, planned: float, error: float, rejected: bool) -> float:
-    """The next step (s) after one with an error, that may have been cut; rejected: whether the one before was."""
+    """The next step (s) after one with an error; rejected: whether the one before was.
+
+    One that was cut at a communication point, and was short enough, says nothing against what was planned.
+    """
     if not error < HUGE:
         return LEAST * h
     change = min(MOST, max(LEAST, SAFETY * error ** (-1.0 / b[ESTIMATED]))) if error > 0.0 else MOST

@@ -1,13 +1,18 @@
-"""Linear equations, dense, solved in place. A matrix lies row by row. One source, two engines, as in `loop.py`."""
+"""Linear equations, dense, solved in place. One source, two engines, as in `loop.py`.
+
+A matrix lies row by row at an address, and so it is walked: what is read is near, and a row is one vector.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
+from cosim.machine.memory import reals_at
+
 HUGE = 1e100  # from here on, a number is as good as none
 
 
-def factor(matrix: Any, pivots: Any, n: int, least: float) -> bool:
+def factor(at: int, pivots: Any, n: int, least: float) -> bool:
     """Gauss's elimination with partial pivoting: a matrix into its factors, the rows that change places into `pivots`.
 
     Returns whether every pivot is above `least` and a number.
@@ -15,34 +20,43 @@ def factor(matrix: Any, pivots: Any, n: int, least: float) -> bool:
     for p in range(n):
         pivot = p
         for i in range(p + 1, n):
-            if abs(matrix[i * n + p]) > abs(matrix[pivot * n + p]):
+            if abs(row(at, i, n)[p]) > abs(row(at, pivot, n)[p]):
                 pivot = i
-        if not least < abs(matrix[pivot * n + p]) < HUGE:
-            return False
         pivots[p] = pivot
+        own, other = row(at, p, n), row(at, pivot, n)
+        if not least < abs(other[p]) < HUGE:
+            return False
         if pivot != p:
             for j in range(n):
-                kept = matrix[p * n + j]
-                matrix[p * n + j] = matrix[pivot * n + j]
-                matrix[pivot * n + j] = kept
+                kept = own[j]
+                own[j] = other[j]
+                other[j] = kept
         for i in range(p + 1, n):
-            part = matrix[i * n + p] / matrix[p * n + p]
-            matrix[i * n + p] = part
+            below = row(at, i, n)
+            below[p] /= own[p]
+            part = below[p]
             for j in range(p + 1, n):
-                matrix[i * n + j] -= part * matrix[p * n + j]
+                below[j] -= part * own[j]
     return True
 
 
-def substitute(matrix: Any, pivots: Any, x: Any, n: int) -> None:
+def substitute(at: int, pivots: Any, x: Any, n: int) -> None:
     """Solve for the right-hand side x, in place, with what `factor` has left."""
     for p in range(n):
         kept = x[p]
         x[p] = x[pivots[p]]
         x[pivots[p]] = kept
-    for p in range(n):
-        for i in range(p + 1, n):
-            x[i] -= matrix[i * n + p] * x[p]
-    for p in range(n - 1, -1, -1):
-        for j in range(p + 1, n):
-            x[p] -= matrix[p * n + j] * x[j]
-        x[p] /= matrix[p * n + p]
+    for i in range(n):
+        own = row(at, i, n)
+        for j in range(i):
+            x[i] -= own[j] * x[j]
+    for i in range(n - 1, -1, -1):
+        own = row(at, i, n)
+        for j in range(i + 1, n):
+            x[i] -= own[j] * x[j]
+        x[i] /= own[i]
+
+
+def row(at: int, i: int, n: int) -> Any:
+    """A row of a matrix."""
+    return reals_at(at + i * n * 8, n)

@@ -87,7 +87,7 @@ def solve_block(base: int, u: Any, b: int) -> bool:
     """Solve the equations of block b for its step. Returns whether that can be."""
     columns = block_of(base, u, TRIAL, b)
     x, pivots = block_of(base, u, STEP, b), pivots_of(base, u, b)
-    return eliminate(matrix_of(base, u, b), x, columns, pivots, u[EQUATIONS])
+    return eliminate(matrix_at(base, u, b), x, columns, pivots, u[EQUATIONS])
 
 
 def finish(c: Any, base: int, o: int, time: float, later: float) -> int:
@@ -279,10 +279,16 @@ def pivots_of(base: int, u: Any, b: int) -> Any:
     return words_at(base + u[WORK] + (PIVOTS * size + b * n) * 8, n)
 
 
+def matrix_at(base: int, u: Any, b: int) -> int:
+    """The address of the matrix of block b."""
+    size, n = u[BLOCKS] * u[EQUATIONS], u[EQUATIONS]
+    at: int = base + u[WORK] + (UNKNOWNS_VECTORS * size + b * n * n) * 8
+    return at
+
+
 def matrix_of(base: int, u: Any, b: int) -> Any:
     """The matrix of block b, row by row."""
-    size, n = u[BLOCKS] * u[EQUATIONS], u[EQUATIONS]
-    return reals_at(base + u[WORK] + (UNKNOWNS_VECTORS * size + b * n * n) * 8, n * n)
+    return reals_at(matrix_at(base, u, b), u[EQUATIONS] * u[EQUATIONS])
 
 
 def exchange(c: Any, base: int, o: int, values: Any, publish: bool) -> None:
@@ -342,12 +348,12 @@ def balance(matrix: Any, x: Any, columns: Any, n: int) -> None:
             matrix[i * n + j] /= columns[j]
 
 
-def eliminate(matrix: Any, x: Any, columns: Any, pivots: Any, n: int) -> bool:
-    """Solve matrix x' = x, in place. Returns whether that can be."""
-    balance(matrix, x, columns, n)
-    if not factor(matrix, pivots, n, SINGULAR):
+def eliminate(at: int, x: Any, columns: Any, pivots: Any, n: int) -> bool:
+    """Solve for x the equations whose matrix is at an address, in place. Returns whether that can be."""
+    balance(reals_at(at, n * n), x, columns, n)
+    if not factor(at, pivots, n, SINGULAR):
         return False
-    substitute(matrix, pivots, x, n)
+    substitute(at, pivots, x, n)
     for p in range(n):
         x[p] /= columns[p]
     return True

@@ -82,7 +82,7 @@ def differentiate_column(c: Any, base: int, b: Any, time: float, column: int) ->
         w[j] = x[j] + (change if x[j] >= 0.0 else -change)
     status = differentiate(c, base, b, time)
     for s in range(e[SYSTEMS]):
-        jacobian, j = matrix_of(base, e, s, 0), states[s * n + column]
+        jacobian, j = reals_at(matrix_at(base, e, s, 0), n * n), states[s * n + column]
         change = w[j] - x[j]
         for i in range(n):
             jacobian[i * n + column] = (d[states[s * n + i]] - f[states[s * n + i]]) / change
@@ -96,12 +96,13 @@ def factorize(base: int, b: Any, h: float) -> bool:
     n = e[SYSTEM_SIZE]
     diagonal = 1.0 / (h * reals_at(base + b[TABLEAU], 1)[0])
     for s in range(e[SYSTEMS]):
-        jacobian, matrix, pivots = matrix_of(base, e, s, 0), matrix_of(base, e, s, 1), pivots_of(base, e, s)
+        jacobian, at = reals_at(matrix_at(base, e, s, 0), n * n), matrix_at(base, e, s, 1)
+        matrix = reals_at(at, n * n)
         for i in range(n * n):
             matrix[i] = -jacobian[i]
         for i in range(n):
             matrix[i * n + i] += diagonal
-        if not factor(matrix, pivots, n, 0.0):
+        if not factor(at, pivots_of(base, e, s), n, 0.0):
             return False
     return True
 
@@ -149,7 +150,7 @@ def solve(base: int, b: Any, u: Any) -> None:
     for s in range(e[SYSTEMS]):
         for i in range(n):
             right[i] = u[states[s * n + i]]
-        substitute(matrix_of(base, e, s, 1), pivots_of(base, e, s), right, n)
+        substitute(matrix_at(base, e, s, 1), pivots_of(base, e, s), right, n)
         for i in range(n):
             u[states[s * n + i]] = right[i]
 
@@ -190,7 +191,8 @@ def pivots_of(base: int, e: Any, s: int) -> Any:
     return words_at(base + e[SYSTEM_WORK] + (PIVOTS * size + s * n) * 8, n)
 
 
-def matrix_of(base: int, e: Any, s: int, which: int) -> Any:
-    """The Jacobian of a system (0), or its factors (1)."""
+def matrix_at(base: int, e: Any, s: int, which: int) -> int:
+    """The address of the Jacobian of a system (0), or of its factors (1)."""
     size, n = e[SYSTEMS] * e[SYSTEM_SIZE], e[SYSTEM_SIZE]
-    return reals_at(base + e[SYSTEM_WORK] + (SYSTEM_VECTORS * size + (which * size + s * n) * n) * 8, n * n)
+    at: int = base + e[SYSTEM_WORK] + (SYSTEM_VECTORS * size + (which * size + s * n) * n) * 8
+    return at

@@ -12,7 +12,7 @@ from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
 from cosim.errors import BlockFailed, DiagramErrors, TooLarge, WrongType, WrongValue
 from cosim.integrators import INTEGRATORS, Integration
-from cosim.master import tables
+from cosim.master import integration, tables
 
 ABLE = [name for name, method in INTEGRATORS.items() if method.estimates]
 OWN = """
@@ -115,6 +115,27 @@ def test_a_step_is_remembered_from_one_communication_step_to_the_next(wired):
     """With ten points within each step that the tolerance allows, every communication step is one inner step."""
     steps = oscillator(wired, "dormand-prince", 1e-4, step=0.01)[1]
     assert steps["rejected"] == 0 and 1000 <= steps["taken"] <= 1010
+
+
+def test_the_next_step_follows_from_the_error():
+    """h (0.9 / error)^(1/p) with limits, no longer than one that was rejected; and what is cut is no reason."""
+    bank = np.zeros(tables.BANK_WORDS, int)
+    bank[tables.ESTIMATED] = 2
+    cases = [
+        (1.0, 1.0, 0.81, False, 1.0),
+        (1.0, 1.0, 0.09, False, 3.0),
+        (1.0, 1.0, 0.09, True, 1.0),
+        (1.0, 1.0, 0.0, False, 5.0),
+        (1.0, 1.0, 1e-9, False, 5.0),
+        (1.0, 1.0, 3.24, False, 0.5),
+        (1.0, 1.0, 1e9, False, 0.2),
+        (1.0, 1.0, math.nan, False, 0.2),
+        (1.0, 1.0, math.inf, False, 0.2),
+        (0.01, 7.0, 0.81, False, 7.0),
+        (0.01, 7.0, 3.24, False, 0.005),
+    ]
+    for h, planned, error, rejected, expected in cases:
+        assert integration.following(bank, h, planned, error, rejected) == pytest.approx(expected, rel=1e-12)
 
 
 def test_few_communication_points_cost_few_steps(wired):

@@ -10,10 +10,10 @@ from cosim.master.linear import factor, substitute
 
 def solved(matrix: np.ndarray, right: np.ndarray, least: float = 0.0) -> np.ndarray | None:
     n = len(matrix)
-    flat, x, pivots = matrix.reshape(-1).copy(), right.copy(), np.full(n, -1)
-    if not factor(flat, pivots, n, least):
+    mine, x, pivots = matrix.copy(), right.copy(), np.full(n, -1)
+    if not factor(mine.ctypes.data, pivots, n, least):
         return None
-    substitute(flat, pivots, x, n)
+    substitute(mine.ctypes.data, pivots, x, n)
     return x
 
 
