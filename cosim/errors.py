@@ -188,7 +188,7 @@ class FmuHung(FmuFailed):
 
 
 class Terminated(CosimError):
-    """An FMU asked for the end of the simulation, which is no failure, but the run is shorter than it was to be."""
+    """A block asked for the end of the simulation, which is no failure, but the run is shorter than it was to be."""
 
 
 class ArchiveError(CosimError):

@@ -140,6 +140,9 @@ def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certifi
     if alone := steps_of_their_own(network):
         notes.append(f"of {', '.join(alone)}, only what follows the communication step is in the errors: {FMUS}")
     notes += [_left_out(r, observed.pop(r)) for r in [*observed] if observed[r].outcome.status != "completed"]
+    if any(observed[refinement].outcome.termination for refinement in TOTAL):
+        times = ", ".join(format_seconds(observed[refinement].outcome.time) for refinement in TOTAL)
+        notes.append(f"the runs are ended at {times}; signals are compared before")
     if not any(refinement.lies_elsewhere for refinement in observed):
         notes.append(NESTED)
     judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units

@@ -78,6 +78,7 @@ class SignalJudge:
         self._files: dict[Refinement, Result] = {}
         self._stack = ExitStack()
         self._rest: dict[str, float] = {}
+        self._until = min(map(_end, runs.values()))
 
     def __enter__(self) -> Self:
         for refinement, run in self._runs.items():
@@ -110,7 +111,8 @@ class SignalJudge:
             return math.inf
         assert other.file
         with Result(other.file) as result:
-            pairs = zip(_chunks(result, name), _chunks(self._files[TOTAL[-1]], name, every), strict=False)
+            until = min(self._until, _end(other))
+            pairs = zip(_chunks(result, name, until), _chunks(self._files[TOTAL[-1]], name, until, every), strict=False)
             return self._rest[name] + max(_largest(_distance(a, b)) for a, b in pairs)
 
     def _every(self, other: Observation) -> int:
@@ -121,7 +123,8 @@ class SignalJudge:
 
     def _distances(self, name: str, triple: Triple) -> Distances:
         found = Distances()
-        for arrays in zip(*(_chunks(self._files[refinement], name) for refinement in triple), strict=True):
+        chunks = [_chunks(self._files[refinement], name, self._until) for refinement in triple]
+        for arrays in zip(*chunks, strict=True):
             found.take(*arrays)
         return found
 
@@ -131,8 +134,9 @@ class SignalJudge:
         if not every:
             return 0.0
         share = limits.share(found, elsewhere.step(1.0))
-        here, there = _chunks(self._files[TOTAL[0]], name, every), _chunks(self._files[elsewhere], name)
-        fine = _chunks(self._files[TOTAL[-1]], name, every)
+        here = _chunks(self._files[TOTAL[0]], name, self._until, every)
+        there = _chunks(self._files[elsewhere], name, self._until)
+        fine = _chunks(self._files[TOTAL[-1]], name, self._until, every)
         return max(
             _largest(_distance(b + share * _distance(b, a), c)) for a, b, c in zip(here, fine, there, strict=True)
         )
@@ -162,12 +166,20 @@ class SignalJudge:
         return Accuracy(CHANGES, unit=unit, said=said)
 
 
-def _chunks(result: Result, name: str, every: int = 1) -> Iterator[Array]:
-    """A signal as rows of numbers, some instants at a time: of every so many recorded ones, as many each time."""
+def _end(run: Observation) -> float:
+    """The time (s) from which on a run has no samples at times of all, as a block has ended it; else infinite."""
+    return run.outcome.time if run.outcome.termination else math.inf
+
+
+def _chunks(result: Result, name: str, until: float, every: int = 1) -> Iterator[Array]:
+    """A signal as rows of numbers, some instants at a time: of every so many recorded ones, as many each time.
+
+    until: a time (s) before which they are; but the first is always one of them.
+    """
     size = math.prod(result.signals[name].shape)
-    rows = max(1, NUMBERS_AT_ONCE // size)
-    for first in range(0, len(result.times), rows * every):
-        samples = result.read(name, first, first + rows * every)[::every]
+    rows, end = max(1, NUMBERS_AT_ONCE // size), max(1, int(np.searchsorted(result.times, until * (1.0 - EPSILON))))
+    for first in range(0, end, rows * every):
+        samples = result.read(name, first, min(first + rows * every, end))[::every]
         yield samples.reshape(-1, size).astype(float)
 
 

@@ -39,8 +39,9 @@ class Declaration:
 
     Foreign blocks have functions of further kinds: ``initial`` (instead of `outputs`, at initialization), ``begin``
     (its end), ``step`` (from one communication point to the next), ``events`` (those of the step that ends now begin,
-    before outputs are evaluated) and ``settle`` (they end, with the inputs of this communication point). They may be
-    `sampled`: what they give changes at communication points only.
+    before outputs are evaluated), ``settle`` (they end, with the inputs of this communication point) and ``times`` (the
+    next one that is known). They may be `sampled`: what they give changes at communication points only. Some take steps
+    of one size only (`rigid`), or may stop within a step at an event (`early`).
 
     home: the class itself. mistakes: all that contradicts itself in the class, except inside its functions. elsewhere:
     what became of names that a foreign block has and this does not.
@@ -56,6 +57,8 @@ class Declaration:
     compiled: bool = True
     foreign: Foreign | None = None
     sampled: bool = False
+    rigid: bool = False
+    early: bool = False
     most_instances: int | None = None
     home: type | None = None
     mistakes: tuple[CosimError, ...] = ()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from cosim.errors import CosimError
+from cosim.errors import CosimError, Terminated
 
 
 class Foreign(Protocol):
@@ -33,20 +33,19 @@ class Foreign(Protocol):
 class LoopWords:
     """What a foreign block is told of the loop that calls it.
 
-    step: the address of the communication step (s). inner_steps: in how many its states are integrated in one,
-    each of so many stages (0: as many as an error, or its equations, ask for); tableau: of the integrator, as of
-    `Tableau.words`. joint: with the states of all others.
+    step: the address of the size (s) of the step that is done.
     ending: the address of the word that ends the run, see `cosim.master.tables`. again: of the word that asks for
-    another evaluation of outputs.
+    another evaluation of outputs. next_event: of the time (s) of the next time event that anybody knows of. left: of
+    whether what is evaluated lies before the events of its time. early: of the time (s) of the first event at which
+    anybody stops within a step, which is then done anew; 0 where none can be.
     """
 
     step: int
-    inner_steps: int
-    stages: int
-    tableau: Sequence[float]
-    joint: bool
     ending: int
     again: int
+    next_event: int
+    left: int
+    early: int
 
 
 class Trace(Protocol):
@@ -64,7 +63,7 @@ class Trace(Protocol):
     def terminated(self) -> bool:
         """Whether an instance asked for the end of the simulation."""
 
-    def termination(self) -> CosimError:
+    def termination(self) -> Terminated:
         """Who asked for it, and when."""
 
     def warnings(self) -> list[CosimError]:

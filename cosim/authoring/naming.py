@@ -83,6 +83,7 @@ def _settings(name: str, variable: Any) -> Iterator[tuple[str, str]]:
         ("only", str, "text", 'only="…", the name of the ports that it takes'),
         ("finite", bool, "True or False", "finite=False"),
         ("output", bool, "True or False", "output=True"),
+        ("terminal", bool, "True or False", "terminal=True"),
     ):
         given = getattr(variable, key, kind())
         if not isinstance(given, kind):

@@ -146,14 +146,15 @@ class Indicator(Variable):
     """An event indicator: where it crosses zero, from above zero or to above zero, there is an event.
 
     `indicators` computes it; in `event` its name stands for how it has crossed: 1 upwards, -1 downwards, 0 not.
-    crossing: "rising" or "falling" where only that is an event, else "both".
+    crossing: "rising" or "falling" where only that is an event, else "both". terminal: whether the event ends the run.
     """
 
     causality = "local"
 
-    def __init__(self, *shape: int | str, crossing: str = "both", **more: Any) -> None:
+    def __init__(self, *shape: int | str, crossing: str = "both", terminal: bool = False, **more: Any) -> None:
         super().__init__(*shape, **more)
         self.crossing = crossing
+        self.terminal = terminal
 
 
 class Period(Variable):

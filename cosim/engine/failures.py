@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cosim.authoring.variables import Local, State, Variable
+from cosim.authoring.variables import Indicator, Local, State, Variable
 from cosim.engine import faults
 from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
-from cosim.errors import BlockFailed, CosimError, Diverged
+from cosim.errors import BlockFailed, CosimError, Diverged, Terminated
 from cosim.master import integration, linear, loop, newton, tables
 from cosim.wiring.network import Component
 
@@ -114,6 +114,28 @@ def restless(program: Program, time: float) -> BlockFailed:
     message = f"block {', '.join(names)}: events follow each other without end after t = {time:g} s"
     fix = "reset what the indicator is computed from, so that it does not cross zero again at once"
     return BlockFailed(message, program.network.components[names[0]].entry.position, fix)
+
+
+def indivisible(program: Program, event: float) -> BlockFailed:
+    """The error for a time event (s) between two communication points where a step cannot end."""
+    component = program.network.rigid[0]
+    message = f"block {component.name}: this FMU takes steps of one size only, and at t = {event:g} s is an event"
+    fix = "choose a run.step of which the times of all events are multiples, or model exchange"
+    return BlockFailed(message, component.entry.type.position, fix)
+
+
+def terminated(program: Program, number: int, time: float) -> Terminated:
+    """Whose indicator, by its number among all, ended the run at a time (s)."""
+    for component in program.network.watched:
+        for indicator in component.declaration.of(Indicator):
+            size = component.nbytes(indicator) // 8
+            if number < size * component.count:
+                name = _named(component, indicator, number % size)
+                member = f" of {component.fleet} {number // size + 1}" if component.fleet else ""
+                message = f"block {component.name}: `{name}`{member} ended the simulation at t = {time:.9g} s"
+                return Terminated(message, component.entry.position)
+            number -= size * component.count
+    raise IndexError(number)
 
 
 def failure(program: Program, arena: np.ndarray, call: Call, time: float, interpreted: bool) -> BlockFailed:

@@ -38,15 +38,19 @@ class Stepping:
 
 @dataclass
 class Outcome:
-    """How a run ended. status: completed, terminated (an FMU asked for the end), diverged, interrupted or failed.
+    """How a run ended. status: completed, terminated, diverged, interrupted or failed.
 
-    seconds: wall-clock time of each part. inner_steps: how many were taken and how many rejected of what is integrated
-    within a tolerance, by block, or of all as "joint". signal: the number of the signal that interrupted it, or 0.
+    completed: the end was reached, or where a block ended the run, which `termination` then says, with the last sample.
+    terminated: a block ended it within a step, which could not be repeated to there, so that the samples end before.
+    time: the simulated time reached (s). seconds: wall-clock time of each part. inner_steps: how many were taken and
+    how many rejected of what is integrated within a tolerance, by block, or of all as "joint". signal: the number of
+    the signal that interrupted it, or 0.
     """
 
     diagram: str
     status: str
     steps: int
+    time: float
     method: str
     engine: str
     kernels_compiled: int
@@ -56,7 +60,7 @@ class Outcome:
     inner_steps: dict[str, dict[str, int]] = field(default_factory=dict)
     error: CosimError | None = None
     signal: int = 0
-    termination: CosimError | None = None  # who asked for the end, which is one of the warnings too
+    termination: CosimError | None = None  # who ended a completed run
     events: list[Event] = field(default_factory=list)
     warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
     conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
@@ -79,10 +83,13 @@ class Outcome:
 
     def as_json(self) -> str:
         """One JSON object, as of `for_json`."""
-        names = ["diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"]
+        names = ["diagram", "status", "steps", "time", "method", "engine", "kernels_compiled", "seconds", "metrics"]
+        names.append("results")
         content = {name: getattr(self, name) for name in names}
         if self.error:
             content["error"] = str(self.error)
+        if self.termination:
+            content["ended"] = str(self.termination)
         if self.warnings:
             content["warnings"] = [str(warning) for warning in self.warnings]
         if self.inner_steps:

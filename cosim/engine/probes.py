@@ -72,7 +72,7 @@ class Buffers:
             columns, width = _columns(program, arena, group.signals)
             rows += [[program.places[c.signal].offset, c.words.stop - c.words.start] for c in columns]
             capacity = max(1, min(BUFFER_BYTES // (8 * width), ticks // group.every + 1))
-            buffer = words(capacity, width)
+            buffer = words(capacity + 1, width)  # an event that ends the run may come in between
             self.arrays.append(buffer)
             self._columns.append(columns)
             groups.append([group.every, begin, len(rows), width, 0, buffer.ctypes.data, capacity])

@@ -48,28 +48,34 @@ METHODS = {
 class Attempts:
     """How steps are judged and repeated, see `cosim.master.attempts`.
 
-    starts: whether one is repeated that has nothing to extrapolate from. histories: offset and size of their table.
+    starts: whether one is repeated that has nothing to extrapolate from. eventful: whether there may be time events
+    between two communication points. histories: offset and size of their table.
     """
 
     tolerance: float
     repeats: int
     starts: bool
     rollback: bool
+    eventful: bool
     histories: tuple[int, int]
 
     @property
     def needed(self) -> bool:
         """Whether steps are attempts."""
-        return self.tolerance > 0.0 or self.repeats > 0 or self.starts or self.rollback
+        return self.tolerance > 0.0 or self.repeats > 0 or self.starts or self.rollback or self.eventful
 
 
 @dataclass(frozen=True)
 class Watched:
-    """Whose event indicators are watched: offset and size of the table; wanted: the offset of which crossings count."""
+    """Whose event indicators are watched: offset and size of the table.
+
+    wanted, terminal: the offsets of which crossings count, and of which end the run.
+    """
 
     table: int
     components: int
     wanted: int
+    terminal: int
 
 
 @dataclass
@@ -130,9 +136,11 @@ class Program:
         words[tables.ATTEMPTS], words[tables.REPEATS] = attempts.needed, attempts.repeats
         words[tables.STARTS], words[tables.ROLLBACK] = attempts.starts, attempts.rollback
         words[tables.HISTORIES], words[tables.N_HISTORIES] = attempts.histories
+        words[tables.EVENTFUL], words[tables.DIVISIBLE] = attempts.eventful, not self.network.rigid
         words[tables.PROPOSED] = schedule.grid if attempts.rollback else 1
         words[tables.WATCHED], words[tables.N_WATCHED] = watched.table, watched.components
-        words[tables.WANTED], words[tables.N_INDICATORS] = watched.wanted, layout.indicators
+        words[tables.WANTED], words[tables.TERMINAL] = watched.wanted, watched.terminal
+        words[tables.N_INDICATORS] = layout.indicators
         numbers[tables.TOLERANCE], numbers[tables.TICK_SIZE] = attempts.tolerance, float(schedule.tick)
         numbers[tables.STEP_SIZE] = self.network.diagram.run.step
         for name, offset in (*layout.vectors.items(), *layout.crossings.items()):
@@ -232,7 +240,7 @@ def _write_start(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
 
 
 def _write_point(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
-    """PUBLISH, EVENTS, EVALUATE, SETTLE."""
+    """PUBLISH, EVENTS, EVALUATE, SETTLE, and TIMES, when the next event is."""
     components, layout = writer.network.components, writer.layout
     begin = writer.begin()
     for signal, place in layout.next.items():
@@ -252,6 +260,10 @@ def _write_point(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
     for component in components.values():
         writer.call_kind(component, "settle")
     writer.phase("SETTLE", begin)
+    begin = writer.begin()
+    for component in components.values():
+        writer.call_kind(component, "times")
+    writer.phase("TIMES", begin)
 
 
 def _write_updates(writer: Writer) -> None:
@@ -274,14 +286,11 @@ def _write_attempts(writer: Writer) -> Attempts:
     run, stuck = network.diagram.run, network.stuck
     steep = any(c.couplings[port].order > 1 for c, port in several) and not stuck
     needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback) or layout.indicators
-    if needed and stuck:
-        events = f", and so does finding the events of {network.watched[0].name}" if layout.indicators else ""
-        message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs{events}"
-        fix = "choose another run.method, or model exchange"
-        if run.coupling_tolerance and not layout.indicators:
-            fix = "write run.rollback: false, so that only the next step is shorter"
-        raise FmuError(message, stuck[0].entry.type.position, "use another FMU" if layout.indicators else fix)
-    goes_back = bool(needed or steep or layout.indicators)
+    early = any(c.declaration.early for c in network.components.values()) and not stuck and not network.rigid
+    _check_steps(network)
+    if needed:
+        _check_rollback(network)
+    goes_back = bool(needed or steep or early)
     saved = layout.allocate(layout.changing) if goes_back else 0
     for phase, task, to, source, size in (
         ("SAVE", "save", saved, 0, layout.changing),
@@ -304,8 +313,43 @@ def _write_attempts(writer: Writer) -> Attempts:
         repeats=int(run.method == "iterated"),
         starts=steep,
         rollback=goes_back,
+        eventful=bool(writer.phases["TIMES"][0] < writer.phases["TIMES"][1]),
         histories=(layout.constant(np.array(offsets, np.int64)), len(offsets)),
     )
+
+
+def _check_rollback(network: Network) -> None:
+    """Raises: FmuError for an FMU that cannot go back to a state."""
+    watched, stuck, run = network.watched, network.stuck, network.diagram.run
+    if not stuck:
+        return
+    events = f", and so does finding the events of {watched[0].name}" if watched else ""
+    message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs{events}"
+    fix = "choose another run.method, or model exchange"
+    if run.coupling_tolerance:
+        fix = "write run.rollback: false, so that only the next step is shorter"
+    raise FmuError(message, stuck[0].entry.type.position, "use another FMU" if watched else fix)
+
+
+def _check_steps(network: Network) -> None:
+    """Raises: FmuError for an FMU that takes steps of one size only, where steps are of several."""
+    schedule, run = network.schedule, network.diagram.run
+    due = {c.name: (c.clock.period, c.clock.offset) for c in network.components.values() if c.clock}
+    off = [name for name, times in due.items() if any(schedule.ticks(time) % schedule.grid for time in times)]
+    why, fix = "", "use another FMU, or model exchange"
+    if network.watched:
+        why = f"{network.watched[0].name} has events, which end steps"
+    elif run.coupling_tolerance is not None:
+        why, fix = (
+            "run.coupling_tolerance chooses steps",
+            "remove run.coupling_tolerance, or use model exchange",
+        )
+    elif off:
+        why = f"{off[0]} is due between the multiples of run.step"
+        fix = "choose a run.step of which all periods and offsets are multiples, or use model exchange"
+    if network.rigid and why:
+        message = f"block {network.rigid[0].name}: this FMU takes steps of one size only, and {why}"
+        raise FmuError(message, network.rigid[0].entry.type.position, fix)
 
 
 def _write_events(writer: Writer) -> Watched:
@@ -324,11 +368,13 @@ def _write_events(writer: Writer) -> Watched:
     for signal, place, clock in jumping:
         writer.copy(layout.own(signal).offset, place.offset, layout.bytes_of(signal), clock)
     writer.phase("EVENT", begin)
-    rows, wanted = list[list[int]](), list[float]()
+    rows, wanted, terminal = list[list[int]](), list[float](), list[float]()
     for name, clock in writer.watching.items():
         first = len(wanted)
         for indicator in components[name].declaration.of(Indicator):
             size = components[name].count * components[name].nbytes(indicator) // 8
             wanted += [float(CROSSINGS[indicator.crossing])] * size
+            terminal += [float(indicator.terminal)] * size
         rows.append([first, len(wanted), clock])
-    return Watched(layout.constant(np.array(rows, np.int64)), len(rows), layout.constant(np.array(wanted)))
+    table, vectors = np.array(rows, np.int64), (np.array(wanted), np.array(terminal))
+    return Watched(layout.constant(table), len(rows), *(layout.constant(vector) for vector in vectors))

@@ -130,13 +130,12 @@ class Run:
     ) -> Outcome:
         status = "completed"
         error: CosimError | None = None
-        termination: CosimError | None = None
         try:
             self._solve(writer, watch, interrupted)
         except Diverged as stopped:
             status, error = "diverged", stopped
         except Terminated as stopped:
-            status, termination = "terminated", stopped
+            status, error = "terminated", stopped
         except CosimError as stopped:
             status, error = "failed", stopped
         except KeyboardInterrupt:
@@ -145,8 +144,8 @@ class Run:
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
-        outcome.termination = termination
-        outcome.warnings += [*self.simulation.warnings(), *([termination] if termination else [])]
+        outcome.termination = self.simulation.termination
+        outcome.warnings += self.simulation.warnings()
         outcome.signal = interrupted.number or outcome.signal
         if writer:
             _close(writer, outcome)
@@ -223,6 +222,7 @@ class Run:
             diagram=str(diagram.path),
             status="interrupted" if signal else status,
             steps=self.simulation.steps,
+            time=self.simulation.time,
             method=diagram.run.method,
             engine=self.engine,
             kernels_compiled=self.kernels_compiled,
@@ -276,7 +276,7 @@ def _close(writer: ResultWriter, outcome: Outcome) -> None:
     """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
     try:
         figures = outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts, outcome.inner_steps
-        writer.close(outcome.status, outcome.reason, *figures)
+        writer.close(outcome.status, outcome.reason, *figures, end=outcome.time)
     except ResultError as full:
         if outcome.error is None:
             outcome.status, outcome.error = "failed", full

@@ -21,11 +21,12 @@ from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
-from cosim.errors import CosimError
+from cosim.errors import CosimError, Terminated
 from cosim.machine import floating, memory, supervision
 from cosim.master import tables
 from cosim.wiring.network import Component, Signal
 
+_TOLD = (tables.STEP_SIZE, tables.ENDING, tables.AGAIN, tables.NEXT_EVENT, tables.EARLY, tables.LEFT)
 BATCH_SECONDS = 0.04
 LARGEST_BATCH = 1 << 40
 
@@ -48,6 +49,7 @@ class Simulation:
         self.buffers = Buffers(program, self.arena, probes, self.ticks, self._words)
         self.control = self._words(tables.CONTROL_WORDS)
         self.breakable: Callable[[], AbstractContextManager[None]] = nullcontext  # put around what is interpreted
+        self.termination: Terminated | None = None
         self._interpreted = kernels is None and not self._forked
         self._initialized = False
         self._binding: Binding | None = None
@@ -87,23 +89,18 @@ class Simulation:
         wanted = {s.variable for s in looked_at if s.component == component.name}
         calls = [call for call in self.program.calls if call.component == component.name]
         assert component.declaration.foreign
-        return component.declaration.foreign.parts(
-            component, calls, self.arena, self._loop(component), wanted, self._zeros
-        )
+        return component.declaration.foreign.parts(component, calls, self.arena, self._loop(), wanted, self._zeros)
 
-    def _loop(self, component: Component) -> LoopWords:
-        """What a foreign block is told of the loop."""
-        integration = component.integration
-        equal = integration.has_equal_stages
-        words = {w: self.control.ctypes.data + 8 * w for w in (tables.STEP_SIZE, tables.ENDING, tables.AGAIN)}
+    def _loop(self) -> LoopWords:
+        """What foreign blocks are told of the loop."""
+        words = {w: self.control.ctypes.data + 8 * w for w in _TOLD}
         return LoopWords(
             step=words[tables.STEP_SIZE],
-            inner_steps=integration.inner_steps,
-            stages=integration.method.count if equal else 0,
-            tableau=integration.method.words() if equal else (),
-            joint=self.program.network.diagram.run.method == "joint",
             ending=words[tables.ENDING],
             again=words[tables.AGAIN],
+            next_event=words[tables.NEXT_EVENT],
+            left=words[tables.LEFT],
+            early=words[tables.EARLY] if self.program.attempts.rollback else 0,
         )
 
     # ---- running ----
@@ -150,13 +147,15 @@ class Simulation:
     @property
     def time(self) -> float:
         """The simulated time (s)."""
-        return self.program.time(self.done)
+        between = float(self.control.view(float)[tables.ENDED_AT])
+        return between if between > 0.0 else self.program.time(self.done)
 
     def batches(self, wanted: Callable[[], bool] = supervision.never) -> Iterator[list[Samples]]:
         """Run to the end; after each batch, what the probes saw. The arrays are valid until the next batch.
 
         wanted: whether somebody wants the run to stop; a batch then ends at the next step, and the caller stops.
-        Raises: BlockFailed, Diverged, Terminated, KeyboardInterrupt where a block does not let it stop; what the probes
+        Where a block ends the run before, `termination` says so. Raises: BlockFailed, Diverged, Terminated where that
+        is within a step and cannot be reached, KeyboardInterrupt where a block does not let it stop; what the probes
         saw before is yielded first.
         """
         size = (1 if self._parts else 64) * self.program.network.schedule.grid
@@ -172,11 +171,19 @@ class Simulation:
             if error:
                 raise error
             self._raise(status)
-            if self.control[tables.ENDING] == tables.ENDED and self.done < self.ticks:
-                raise next(p.trace.termination() for ps in self._parts.values() for p in ps if p.trace.terminated)
+            if self.control[tables.ENDING] == tables.ENDED and self.time < self.program.time(self.ticks):
+                self.termination = self._termination()
+                return
             finished = last == self.ticks and not self.control[tables.FINAL]
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
+
+    def _termination(self) -> Terminated:
+        """Who ended the run."""
+        ended_by = int(self.control[tables.ENDED_BY])
+        if ended_by:
+            return failures.terminated(self.program, ended_by - 1, self.time)
+        return next(p.trace.termination() for ps in self._parts.values() for p in ps if p.trace.terminated)
 
     def _have(self, command: str, wanted: Callable[[], bool]) -> int:
         """Have the loop do something. Interpreted, it is this thread that does it, and a block may not return."""
@@ -201,6 +208,8 @@ class Simulation:
         row = int(self.control[tables.AT])
         if status == tables.RESTLESS:
             raise failures.restless(self.program, self.time)
+        if status == tables.INDIVISIBLE:
+            raise failures.indivisible(self.program, float(self.control.view(float)[tables.NEXT_EVENT]))
         if status == tables.UNSOLVED:
             raise failures.unsolved(self.program, self.arena, row, self.time)
         call = self.program.calls[int(self.program.rows[row, tables.A])]

@@ -91,7 +91,9 @@ class CodeUnit:
 
 def code_units(model: Model) -> tuple[list[CodeUnit], list[str]]:
     """The loop and the block types of a model, and the symbol of each call's function."""
-    functions = tuple(replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (loop.run, loop.execute))
+    functions = tuple(
+        replace(raw_source("engine", f), symbol=f"engine_{f.__name__}") for f in (loop.run, loop.execute, loop.begin)
+    )
     found: dict[tuple[object, ...], CodeUnit] = {}
     owner: dict[str, str] = {}
     for name, component in model.network.components.items():

@@ -22,7 +22,8 @@ class Fmi2Description(ModelDescription):
 
     def root(self, token: str) -> Element:
         """As of `ModelDescription`."""
-        root = Element("fmiModelDescription", self.identity(), guid=token, numberOfEventIndicators="0")
+        root = Element("fmiModelDescription", self.identity(), guid=token)
+        root.set("numberOfEventIndicators", str(sum(indicator.size for indicator in self.indicators())))
         common = self.capabilities() | {
             "canNotUseMemoryManagementFunctions": "true",
             "canGetAndSetFMUstate": "true",
@@ -31,8 +32,7 @@ class Fmi2Description(ModelDescription):
         }
         exchange = {"completedIntegratorStepNotNeeded": truth(not self.step_events)}
         simulation = {"canHandleVariableCommunicationStepSize": self.variable_steps}
-        finds_events = bool(self.model.program.layout.indicators)  # which Co-Simulation does by itself
-        for tag, own in (*(() if finds_events else (("ModelExchange", exchange),)), ("CoSimulation", simulation)):
+        for tag, own in (("ModelExchange", exchange), ("CoSimulation", simulation)):
             element = SubElement(root, tag, common | own)
             if self.with_sources:
                 SubElement(SubElement(element, "SourceFiles"), "File", name=f"{self.model.identifier}.c")

@@ -22,8 +22,7 @@ class Fmi3Description(ModelDescription):
             "canSerializeFMUState": "true",
             "providesDirectionalDerivatives": "true",
         }
-        if not self.model.program.layout.indicators:  # whose events Co-Simulation finds by itself
-            SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=truth(self.step_events))
+        SubElement(root, "ModelExchange", common, needsCompletedIntegratorStep=truth(self.step_events))
         SubElement(
             root,
             "CoSimulation",
@@ -31,6 +30,7 @@ class Fmi3Description(ModelDescription):
             canHandleVariableCommunicationStepSize=self.variable_steps,
             fixedInternalStepSize=real(self.model.network.diagram.run.step),
             hasEventMode="true",
+            mightReturnEarlyFromDoStep=truth(self.may_end),
         )
         self.units(root)
         self.experiment(root)
@@ -69,3 +69,6 @@ class Fmi3Description(ModelDescription):
         ):
             for reference, dependencies in self.unknowns(chosen, initial):
                 SubElement(structure, tag, valueReference=str(reference), dependencies=dependencies)
+        for indicator in self.indicators():
+            for reference in self.references(indicator):
+                SubElement(structure, "EventIndicator", valueReference=str(reference))

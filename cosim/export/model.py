@@ -29,7 +29,7 @@ from cosim.export.dependencies import TIME, Dependencies, Knowns
 from cosim.export.subnetwork import SubNetwork
 from cosim.wiring.network import Component, Network, Signal
 
-Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED"]
+Need = Literal["NOTHING", "CALCULATED", "EVALUATED", "DIFFERENTIATED", "INDICATED"]
 Kind = Literal["TIME", "PARAMETER", "CONTINUOUS_STATE", "DISCRETE_OUTPUT", "OTHER"]
 TYPES = {
     **{"float64": "Float64", "float32": "Float32", "bool": "Boolean"},
@@ -69,6 +69,11 @@ class FmiVariable:
     display: Unit = None
     knowns: Knowns = field(default_factory=dict)
     initial_knowns: Knowns = field(default_factory=dict)
+
+    @property
+    def is_indicator(self) -> bool:
+        """Whether it is an event indicator."""
+        return self.need == "INDICATED"
 
     @property
     def size(self) -> int:
@@ -177,7 +182,7 @@ class _Describer:
         for component in self.model.network.components.values():
             continuous = component.declaration.continuous()
             for declared in component.declaration.variables.values():
-                if declared.name in component.wires or isinstance(declared, (Indicator, Period)):
+                if declared.name in component.wires or isinstance(declared, Period):
                     continue
                 if not self._is_finite(component, declared):
                     self.model.left_out.append(Signal(component.name, declared.name))
@@ -208,7 +213,7 @@ class _Describer:
             variability = "tunable"
             need = "CALCULATED" if isinstance(declared, CalculatedParameter) else "NOTHING"
         elif not isinstance(declared, Input):
-            need = "EVALUATED"
+            need = "INDICATED" if isinstance(declared, Indicator) else "EVALUATED"
             variability = "discrete" if component.is_sampled else variability
         shape = (component.count, *place.shape) if place.stride else place.shape
         has_start = initial != "calculated"

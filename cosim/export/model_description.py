@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from cosim.authoring.variables import Unit
+from cosim.authoring.variables import Indicator, Unit
 from cosim.errors import WrongUnit
 from cosim.export.about import About
 from cosim.export.model import FmiVariable, Model
@@ -197,10 +197,20 @@ class ModelDescription(ABC):
         size = variable.size // variable.shape[0]
         return range(first + member * size, first + (member + 1) * size)
 
+    def indicators(self) -> list[FmiVariable]:
+        """The event indicators, in their order."""
+        return [v for v in self.model.variables if v.is_indicator]
+
+    @property
+    def may_end(self) -> bool:
+        """Whether an indicator may end the run."""
+        declared = (i for c in self.model.network.components.values() for i in c.declaration.of(Indicator))
+        return any(indicator.terminal for indicator in declared)
+
     @property
     def step_events(self) -> bool:
-        """Whether outputs that are no reals may change while an importer integrates, which makes an event."""
-        return any(v.kind == "DISCRETE_OUTPUT" for v in self.model.variables)
+        """Whether outputs that are no reals may change while an importer integrates, or indicators may cross zero."""
+        return any(v.kind == "DISCRETE_OUTPUT" or v.is_indicator for v in self.model.variables)
 
 
 def _of_item(item: Item, unit: Unit) -> str | None:

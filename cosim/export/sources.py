@@ -13,7 +13,7 @@ from cosim.export.model_description import ModelDescription
 WRAPPER = Path(__file__).parent / "wrapper"
 _PARTS = "parts"  # the folder of what is included
 _HEADERS = ("arithmetic.h", "instance.h", "kernel.h", "model.h")
-_BODIES = ("instance.c", "evaluation.c", "derivatives.c", "snapshot.c")
+_BODIES = ("instance.c", "evaluation.c", "events.c", "derivatives.c", "snapshot.c")
 _HEAD = """\
 /* {name}, as FMI {version}. This file is compiled alone, as C11 by GCC or Clang, with FMI's headers, and linked with
  * the C library's mathematical functions; parts/ has what it includes. */

@@ -21,7 +21,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.fmu.event_mode import communication_step, enter_event_mode, leave_event_mode, reals_of, settle
+from cosim.fmu.event_mode import (
+    communication_step,
+    enter_event_mode,
+    go_into_event_mode,
+    leave_event_mode,
+    reals_of,
+    settle,
+)
 from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
 from cosim.fmu.fields import (
     ADVANCE,
@@ -33,6 +40,7 @@ from cosim.fmu.fields import (
     DIFFERENTIATE,
     DISCARD,
     DO_STEP,
+    EARLY,
     END_EVENTS,
     ENDED,
     ENDED_AT,
@@ -51,6 +59,7 @@ from cosim.fmu.fields import (
     GET,
     GO_BACK,
     HANDLE,
+    HANDLED,
     INDICATE,
     INFO,
     INFO_REAL,
@@ -59,9 +68,13 @@ from cosim.fmu.fields import (
     KEEP_STATE,
     KIND,
     LAST_TIME_STATUS,
+    LEFT,
     LINK,
     LINK_WORDS,
     MODE,
+    NEXT,
+    NEXT_DEFINED,
+    NEXT_EVENT,
     NO_PROGRESS,
     NOTHING,
     OK,
@@ -76,6 +89,7 @@ from cosim.fmu.fields import (
     START_TIME,
     STATUS,
     TASK,
+    TELL,
     TERMINATED,
     TERMINATED_STATUS,
     VERSION,
@@ -106,14 +120,14 @@ def adapt(time: float, base: int, frame: int) -> int:
     END_EVENTS      Model Exchange: handle them with the inputs of this point; they may change states
     KEEP_STATE      keep the FMU state, and what of ours goes with it; GO_BACK: be in it again
     INDICATE        Model Exchange: event indicators from time, states and inputs
+    TELL            when the next time event is
     ==============  ====================================================================================
     """
     link = words_at(words_at(frame, FIRST)[LINK], LINK_WORDS)
     plan = words_at(words_at(frame, FIRST)[PLAN], PLAN_WORDS)
     f = words_at(frame, plan[FRAME_WORDS])
-    numbers = reals_at(f[LINK], LINK_WORDS)
+    numbers, warnings = reals_at(f[LINK], LINK_WORDS), link[WARNINGS]
     clock = time + numbers[START_TIME]
-    warnings = link[WARNINGS]
     for k in range(f[COUNT]):
         address = link[RECORDS] + k * RECORD_WORDS * 8
         r = words_at(address, RECORD_WORDS)
@@ -121,13 +135,13 @@ def adapt(time: float, base: int, frame: int) -> int:
         if link[WARNINGS] > warnings and link[WARNED] == 0:
             link[WARNED] = k + 1
             numbers[WARNED_AT] = time
+        if lost or (r[ENDS] != 0 and link[ENDED] == 0):
+            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
         if lost:
             link[INSTANCE] = k
-            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
             return int(min(max(link[STATUS], DISCARD), FATAL))
         if r[ENDS] != 0 and link[ENDED] == 0:
             link[ENDED] = k + 1
-            numbers[ENDED_AT] = reals_of(address + INFO * 8)[CLOCK] - numbers[START_TIME]
             words_at(link[ENDING], 1)[0] = 1
     return WARNING if link[WARNINGS] > warnings else OK
 
@@ -154,15 +168,41 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
         return go_back(link, r, k)
     if task == INDICATE:
         return indicate(time, base, link, plan, f, r, info, k)
+    if task == TELL:
+        tell_next_event(link, f, r, info)
+        return False
     if task == EXCHANGE:
         if r[ENDS] != 0:
             return get_outputs(base, link, plan, f, r, k)
+        reals_of(info)[CLOCK] = time
+        if r[EVENT_DUE] != 0 and words_at(link[LEFT], 1)[0] != 0:
+            return look_before_event(base, link, plan, f, r, k)
         if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
             return True
         return (plan[SETTLES] != 0 and settle(link, r, info)) or get_outputs(base, link, plan, f, r, k)
     if task == INITIAL:
         return set_inputs(base, link, plan, f, r, k) or get_outputs(base, link, plan, f, r, k)
     return leave_initialization(time, base, link, plan, f, r, info, k)
+
+
+def look_before_event(base: int, link: Any, plan: Any, f: Any, r: Any, k: int) -> bool:
+    """Get outputs as they follow from inputs at an event that has not been handled."""
+    if r[MODE] != EVENT and go_into_event_mode(link, r):
+        return True
+    return set_inputs(base, link, plan, f, r, k) or get_outputs(base, link, plan, f, r, k)
+
+
+def tell_next_event(link: Any, f: Any, r: Any, info: int) -> None:
+    """Have the loop know of a time event that lies ahead."""
+    numbers = reals_of(info)
+    if r[ENDS] == 0 and r[NEXT_DEFINED] != 0 and numbers[NEXT] > numbers[HANDLED]:
+        stop_at(numbers[NEXT], f, link[NEXT_EVENT])
+
+
+def stop_at(time: float, f: Any, address: int) -> None:
+    """Note a time (s) by the FMU's clock where the earliest is kept, by the loop's."""
+    earliest = reals_at(address, 1)
+    earliest[0] = min(earliest[0], time - reals_at(f[LINK], LINK_WORDS)[START_TIME])
 
 
 def leave_initialization(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
@@ -200,14 +240,14 @@ def do_step(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
         return give_up(link, TERMINATED, 0)
     step = communication_step(f)
     if link[VERSION] == 3:
-        return do_step_3(time, step, link, r, info)
+        return do_step_3(time, step, link, f, r, info)
     if not bad(link, link[DO_STEP], (r[HANDLE], time, step, 1)):
         return False
-    return discarded(time, step, link, r, info)
+    return discarded(time, step, link, f, r, info)
 
 
-def discarded(time: float, step: float, link: Any, r: Any, info: int) -> bool:
-    """Whether an FMI 2 step failed, rather than that it ended at its end with the simulation."""
+def discarded(time: float, step: float, link: Any, f: Any, r: Any, info: int) -> bool:
+    """Whether an FMI 2 step failed, rather than that it ended with the simulation."""
     if link[STATUS] != DISCARD or link[BOOLEAN_STATUS] == 0:
         return True
     flags, last = integers_at(info, 1), reals_at(info + INFO_REAL, 1)
@@ -218,21 +258,28 @@ def discarded(time: float, step: float, link: Any, r: Any, info: int) -> bool:
         return True
     if link[REAL_STATUS] != 0 and bad(link, link[REAL_STATUS], (r[HANDLE], LAST_TIME_STATUS, info + INFO_REAL)):
         return True
-    return ends(last[0], time + step, step, link, r, info)
+    return ends(last[0], time + step, step, link, f, r, info)
 
 
-def ends(reached: float, end: float, step: float, link: Any, r: Any, info: int) -> bool:
-    """The simulation ends in a step: in peace at the end of it, otherwise at once."""
+def ends(reached: float, end: float, step: float, link: Any, f: Any, r: Any, info: int) -> bool:
+    """The simulation ends in a step: in peace at the end of it; before, at once, unless the loop can come here."""
     reals_of(info)[CLOCK] = reached
-    if reached < end - ROUNDING * step:
+    early = reached < end - ROUNDING * step
+    if early and link[EARLY] == 0:
         return give_up(link, TERMINATED, 0)
     link[STATUS] = OK
+    if early:
+        stop_at(reached, f, link[EARLY])
+        return False
     r[ENDS] = 1
     return False
 
 
-def do_step_3(time: float, step: float, link: Any, r: Any, info: int) -> bool:
-    """FMI 3's step: one that it returns from early is continued to its end, events on the way are handled."""
+def do_step_3(time: float, step: float, link: Any, f: Any, r: Any, info: int) -> bool:
+    """FMI 3's step: where it returns early at an event, the loop is to come there.
+
+    Where the loop cannot, such an event is handled by itself, and the step continued to its end.
+    """
     flags, last = integers_at(info, 3), reals_at(info + INFO_REAL, 1)
     now, h = time, step
     while True:
@@ -241,10 +288,15 @@ def do_step_3(time: float, step: float, link: Any, r: Any, info: int) -> bool:
         last[0] = now
         if bad(link, link[DO_STEP], (r[HANDLE], now, h, 1, info, info + 4, info + 8, info + INFO_REAL)):
             return True
-        early = flags[2] != 0 and last[0] < time + step
+        early = flags[2] != 0 and last[0] < time + step - ROUNDING * step
         reached = last[0]
         if flags[1] != 0:
-            return ends(reached if early else time + step, time + step, step, link, r, info)
+            return ends(reached if early else time + step, time + step, step, link, f, r, info)
+        if early and not reached > now:
+            return give_up(link, NO_PROGRESS, 0)
+        if early and flags[0] != 0 and link[EARLY] != 0:
+            stop_at(reached, f, link[EARLY])
+            return False
         if flags[0] != 0 and link[KIND] == EVENT_CO_SIMULATION:
             r[EVENT_DUE] = 1
             if early and (enter_event_mode(link, r, info) or leave_event_mode(link, r)):
@@ -253,6 +305,4 @@ def do_step_3(time: float, step: float, link: Any, r: Any, info: int) -> bool:
                 return give_up(link, TERMINATED, 0)
         if not early:
             return False
-        if not reached > now:
-            return give_up(link, NO_PROGRESS, 0)
         now, h = reached, time + step - reached

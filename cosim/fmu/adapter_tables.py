@@ -24,6 +24,7 @@ _TASKS = {
     "save": fields.KEEP_STATE,
     "restore": fields.GO_BACK,
     "indicators": fields.INDICATE,
+    "times": fields.TELL,
 }
 _OUTPUT_TASKS = {
     fields.CO_SIMULATION: fields.GET,
@@ -66,30 +67,25 @@ class AdapterTables:
         link[fields.ALONE] = self._keep[-1].ctypes.data
         link[fields.LEAVE] = c_library.address("_exit")
         link[fields.VERSION], link[fields.KIND] = fmu.version.number, fmu.kind
-        link[fields.RECORDS] = self._records(states, signs)
+        link[fields.RECORDS] = self._records(signs)
         link[fields.STATES], link[fields.INDICATORS] = len(fmu.states), fmu.indicators
         link[fields.BUFFER] = self._array(states).ctypes.data
         link[fields.SIGNS] = self._array(signs).ctypes.data
-        link[fields.WORK] = self._array((2 + loop.stages) * states).ctypes.data
-        tableau = self._array(len(loop.tableau))
-        tableau.view(np.float64)[:] = loop.tableau
-        link[fields.TABLEAU], link[fields.STAGES] = tableau.ctypes.data, loop.stages
-        link[fields.STEP], link[fields.INNER_STEPS], link[fields.JOINT] = loop.step, loop.inner_steps, loop.joint
+        link[fields.STEP] = loop.step
         link[fields.ENDING], link[fields.AGAIN] = loop.ending, loop.again
+        link[fields.NEXT_EVENT], link[fields.EARLY], link[fields.LEFT] = loop.next_event, loop.early, loop.left
         link.view(np.float64)[fields.START_TIME] = fmu.settings.start_time
         self._functions(link)
         link[fields.SNAPSHOTS] = self._array(len(self._handles)).ctypes.data
         self._kept.append(link[fields.ENDED : fields.ENDED + 1])
 
-    def _records(self, states: int, signs: int) -> int:
+    def _records(self, signs: int) -> int:
         count = len(self._handles)
         records = self._array(count, fields.RECORD_WORDS)
         records[:, fields.HANDLE] = np.array(self._handles, np.uint64).view(np.int64)
-        for word, size in ((fields.INDICATOR_VALUES, signs), (fields.END_STATES, states), (fields.SLOPES, states)):
-            several = self._array(count, size)
-            records[:, word] = [row.ctypes.data for row in several]
-            self._kept.append(several)
-        self._kept.append(records)
+        several = self._array(count, signs)
+        records[:, fields.INDICATOR_VALUES] = [row.ctypes.data for row in several]
+        self._kept += [several, records]
         return records.ctypes.data
 
     def _functions(self, link: np.ndarray) -> None:

@@ -49,6 +49,8 @@ def declaration(fmu: Fmu, entry: BlockEntry) -> Declaration:
         doc=fmu.description.description or "",
         variables=variables,
         sampled=_samples(fmu) and not _computed(fmu, "continuous"),
+        rigid=fmu.kind != fields.MODEL_EXCHANGE and _is_rigid(fmu),
+        early=fmu.kind == fields.EVENT_CO_SIMULATION and bool(fmu.interface.mightReturnEarlyFromDoStep),
         most_instances=_most_instances(fmu),
     )
     indicators = fmu.description.numberOfEventIndicators
@@ -66,11 +68,15 @@ def _computed(fmu: Fmu, variability: str) -> list[str]:
     return [name for name, variable in made.items() if variable.variability == variability]
 
 
+def _is_rigid(fmu: Fmu) -> bool:
+    """Whether an FMU needs steps of one size in Co-Simulation."""
+    stepping = fmu.description.coSimulation
+    return stepping is not None and not stepping.canHandleVariableCommunicationStepSize
+
+
 def _samples(fmu: Fmu) -> bool:
     """Whether an FMU has something sampled in it, as far as its description tells: it needs steps of one size."""
-    stepping = fmu.description.coSimulation
-    fixed = stepping is not None and not stepping.canHandleVariableCommunicationStepSize
-    return fixed and bool(_computed(fmu, "discrete"))
+    return _is_rigid(fmu) and bool(_computed(fmu, "discrete"))
 
 
 def _most_instances(fmu: Fmu) -> int | None:
@@ -123,6 +129,8 @@ def _functions(fmu: Fmu, declaration: Declaration, states: list[str]) -> tuple[F
     functions.append(_function("begin", "begin", inputs, states))
     if fields.EVENT_INDICATORS in declaration.variables:
         functions.append(_function("indicators", "indicators", (*reads, *inputs), [fields.EVENT_INDICATORS]))
+    if feedthrough and not declaration.rigid:
+        functions.append(_function("times", "times", (), ()))
     if fmu.kind == fields.MODEL_EXCHANGE:
         functions.append(_function("events", "events", (), states))
         functions.append(_function("settle", "settle", inputs, states))

@@ -1,12 +1,8 @@
 """Model Exchange: the FMU has states and events, the loop has the integrators.
 
-An FMU's clock never passes its next time event. Where one lies inside the inner step that the loop is about to do, the
-step is done here: with the loop's own method exactly to the event, through it, and on to the end, with the inputs held.
-The loop then gets the way over the inner step as its derivatives, and the exact states as soon as it asks again. So
-this works under every method, and what is between two events is integrated as ever.
-
-An event at a communication point sees the inputs of that point. So the FMU is in Event Mode while all outputs are
-evaluated there; then it handles the event, all outputs are evaluated once more, and it leaves Event Mode.
+An FMU's clock never passes its next time event: the loop ends a step there. An event at a communication point, or at
+the end of such a step, sees the inputs of that point. So the FMU is in Event Mode while all outputs are evaluated
+there; then it handles the event, all outputs are evaluated once more, and it leaves Event Mode.
 
 A function here returns whether it failed; the link then says where.
 """
@@ -32,7 +28,6 @@ from cosim.fmu.fields import (
     CROWDED,
     DERIVATIVE_MAP,
     DISCRETE,
-    END_STATES,
     ENDS,
     EVENT,
     EVENT_DUE,
@@ -43,37 +38,24 @@ from cosim.fmu.fields import (
     HANDLED,
     INDICATOR_VALUES,
     INDICATORS,
-    INNER_STEPS,
     INPUTS,
-    LINK,
-    LINK_WORDS,
     MODE,
     MOST_EVENTS,
     N_INPUTS,
     NEXT,
     NEXT_DEFINED,
-    PASSED,
     REACHED,
     ROUNDING,
     ROW_WORDS,
     SET_STATES,
     SET_TIME,
     SIGNS,
-    SLOPES,
-    SPLIT,
-    SPLITS,
-    STAGE,
-    STAGES,
     STATE_MAP,
     STATES,
-    TABLEAU,
     TERMINATED,
-    WORK,
 )
 from cosim.fmu.transfer import bad, give_up, has_changed, set_inputs, set_row
-from cosim.integrators import HEAD, NODE
 from cosim.machine.memory import integers_at, reals_at, words_at
-from cosim.machine.stages import move
 
 # ---- what the loop asks for ----
 
@@ -87,8 +69,7 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
         return False
     if r[MODE] == EVENT:
         return set_inputs(base, link, plan, f, r, k)
-    done = r[SPLIT] != 0 and r[STAGE] != 0  # the inner step whose stages the loop goes through
-    if not done and set_time_and_states(time, base, link, plan, f, r, info, k):
+    if set_time_and_states(time, base, link, plan, f, r, info, k):
         return True
     changed = False
     for i in range(plan[N_INPUTS]):
@@ -98,7 +79,7 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
             changed |= has_changed(base, row, f, k)
         elif set_row(base, link, address, f, r, k):
             return True
-    if done or not changed or has_event_before(r, info, time + ROUNDING * communication_step(f)):
+    if not changed or has_event_before(r, info, time + ROUNDING * communication_step(f)):
         return False
     r[EVENT_DUE] = 0
     if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
@@ -108,31 +89,14 @@ def prepare(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
 
 def differentiate(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
     """The derivatives of a stage of the integration to the arena."""
-    stage, source = r[STAGE], r[SLOPES]
-    if link[STAGES] == 0 and has_event_before(r, info, time - ROUNDING * communication_step(f)):
-        return give_up(link, PASSED, 0)
-    if stage == 0 or r[SPLIT] == 0:
-        if prepare(time, base, link, plan, f, r, info, k):
-            return True
-        if r[ENDS] != 0:
-            return give_up(link, TERMINATED, 0)
-        if stage == 0 and is_split(time, link, f, r, info):
-            if split(time, base, link, plan, f, r, info, k):
-                return True
-        else:
-            source = link[BUFFER]
-            if bad(link, link[GET_DERIVATIVES], (r[HANDLE], source, link[STATES])):
-                return True
-    r[STAGE] = (stage + 1) % max(1, link[STAGES])
-    scatter(base, link, plan[DERIVATIVE_MAP], f, k, source)
+    if prepare(time, base, link, plan, f, r, info, k):
+        return True
+    if r[ENDS] != 0:
+        return give_up(link, TERMINATED, 0)
+    if bad(link, link[GET_DERIVATIVES], (r[HANDLE], link[BUFFER], link[STATES])):
+        return True
+    scatter(base, link, plan[DERIVATIVE_MAP], f, k, link[BUFFER])
     return False
-
-
-def is_split(time: float, link: Any, f: Any, r: Any, info: int) -> bool:
-    """Whether a time event lies inside the inner step that begins, of which the loop asks for so many stages."""
-    end = time + inner_step(f) - ROUNDING * communication_step(f)
-    inside: bool = link[STAGES] != 0 and has_event_before(r, info, end)
-    return inside
 
 
 def begin_events(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
@@ -190,12 +154,6 @@ def tell_event(link: Any, r: Any, info: int) -> bool:
 # ---- time ----
 
 
-def inner_step(f: Any) -> float:
-    """The step of the integration of the states (s)."""
-    step: float = communication_step(f) / words_at(f[LINK], LINK_WORDS)[INNER_STEPS]
-    return step
-
-
 def tell_time(time: float, link: Any, r: Any, info: int) -> bool:
     """Set the FMU's clock, as it is."""
     reals_of(info)[CLOCK] = time
@@ -216,93 +174,6 @@ def has_event_before(r: Any, info: int, time: float) -> bool:
     return before
 
 
-def catch_up(time: float, link: Any, r: Any, info: int) -> bool:
-    """Handle the time events before a time (s), each at its own, of an FMU without states."""
-    for _ in range(MOST_EVENTS):
-        if not has_event_before(r, info, time):
-            return False
-        if tell_time(reals_of(info)[NEXT], link, r, info) or pass_event(link, r, info):
-            return True
-    return give_up(link, CROWDED, 0)
-
-
-# ---- an inner step with time events in it ----
-
-
-def split(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
-    """Do an inner step from `time`: to each time event in it, through the event, and on to the end."""
-    x, slopes, n = reals_at(r[END_STATES], link[STATES]), reals_at(r[SLOPES], link[STATES]), link[STATES]
-    step = inner_step(f)
-    end, limit = time + step, time + step - ROUNDING * communication_step(f)
-    gather(base, link, plan[STATE_MAP], f, k)
-    buffer = reals_at(link[BUFFER], n)
-    for j in range(n):
-        x[j] = slopes[j] = buffer[j]
-    link[SPLITS] += 1
-    now = time
-    for _ in range(MOST_EVENTS):
-        if not has_event_before(r, info, limit):
-            if flow(now, end, link, r, info):
-                return True
-            for j in range(n):
-                slopes[j] = (x[j] - slopes[j]) / step
-            r[SPLIT] = 1
-            return False
-        event = max(now, reals_of(info)[NEXT])
-        if event > now and flow(now, event, link, r, info):
-            return True
-        now = event
-        if pass_event(link, r, info):
-            return True
-        if r[CHANGED] != 0:
-            r[CHANGED] = 0
-            if bad(link, link[GET_STATES], (r[HANDLE], r[END_STATES], n)):
-                return True
-    return give_up(link, CROWDED, 0)
-
-
-def pass_event(link: Any, r: Any, info: int) -> bool:
-    """Handle a time event between two communication points, where the FMU cannot end the simulation in peace."""
-    if complete_step(link, r, info) or watch_indicators(link, r):
-        return True
-    r[EVENT_DUE] = 0
-    if r[ENDS] == 0 and (enter_event_mode(link, r, info) or settle(link, r, info)):
-        return True
-    if r[ENDS] != 0:
-        return give_up(link, TERMINATED, 0)
-    if leave_event_mode(link, r) or watch_indicators(link, r):
-        return True
-    r[EVENT_DUE] = 0
-    return False
-
-
-def flow(begin: float, end: float, link: Any, r: Any, info: int) -> bool:
-    """Integrate END_STATES from a time to another without events between, by one step of the loop's integrator."""
-    n, h, stages = link[STATES], end - begin, link[STAGES]
-    x, d = reals_at(r[END_STATES], n), reals_at(link[BUFFER], n)
-    begun, total, slopes = reals_at(link[WORK], n), reals_at(link[WORK] + 8 * n, n), link[WORK] + 16 * n
-    if slopes_at(begin, link, r, info):
-        return True
-    for j in range(n):
-        begun[j] = x[j]
-    for stage in range(stages):
-        row = reals_at(link[TABLEAU] + stage * (HEAD + stages) * 8, HEAD + stages)
-        slope = reals_at(slopes + stage * n * 8, n)
-        for j in range(n):
-            slope[j] = d[j]
-        move(x, begun, h, row, slopes, n * 8, total)
-        if stage < stages - 1 and slopes_at(end if row[NODE] == 1.0 else begin + row[NODE] * h, link, r, info):
-            return True
-    return set_time(end, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], r[END_STATES], n))
-
-
-def slopes_at(time: float, link: Any, r: Any, info: int) -> bool:
-    """The derivatives at a time (s) and END_STATES, to the buffer."""
-    if set_time(time, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], r[END_STATES], link[STATES])):
-        return True
-    return bad(link, link[GET_DERIVATIVES], (r[HANDLE], link[BUFFER], link[STATES]))
-
-
 # ---- states ----
 
 
@@ -310,10 +181,7 @@ def set_time_and_states(time: float, base: int, link: Any, plan: Any, f: Any, r:
     """Set the time and the continuous states that the call reads."""
     n = link[STATES]
     if n == 0:
-        return catch_up(time - ROUNDING * communication_step(f), link, r, info) or set_time(time, link, r, info)
-    if r[SPLIT] != 0:
-        r[SPLIT] = 0
-        scatter(base, link, plan[STATE_MAP], f, k, r[END_STATES])
+        return set_time(time, link, r, info)
     gather(base, link, plan[STATE_MAP], f, k)
     return set_time(time, link, r, info) or bad(link, link[SET_STATES], (r[HANDLE], link[BUFFER], n))
 

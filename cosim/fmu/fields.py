@@ -43,12 +43,6 @@ LINK_WORDS = 56
     WARNINGS,
     CALLING,  # the address of the function that is being called, or was last
     CALLED,  # how often a call has begun or ended: odd inside one
-    WORK,  # the states at the begin of a step, a sum, and the slopes, for an integration across time events
-    INNER_STEPS,  # in how many of them its states are integrated
-    STAGES,  # how often an integration asks for derivatives in one; 0 where nobody knows beforehand
-    TABLEAU,  # the address of its tableau, see `cosim.integrators`
-    JOINT,  # whether other blocks read outputs inside it
-    SPLITS,  # how many inner steps had time events in them
     ENDING,  # the address of a word that tells the loop to do no step after this communication point
     ENDED,  # the instance that asked for the end of the simulation, from 1; 0: none
     ENDED_AT,  # when, by the loop's clock as below, a float64 (s)
@@ -65,9 +59,12 @@ LINK_WORDS = 56
     SNAPSHOTS,  # the address of a pointer to the FMU state that each instance has kept
     KEPT,  # the address of a table of what of ours belongs to it: KEPT_WORDS each
     N_KEPT,
-) = range(48)
+    NEXT_EVENT,  # the address of the time (s) of the next time event that anybody knows of, by the loop's clock
+    LEFT,  # the address of whether outputs are wanted as they are before the events of their time
+    EARLY,  # the address of the time (s) at which the first has stopped within a step; 0 where none may
+) = range(45)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
-NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED, PASSED = -1, -2, -3, -4, -5, -6, -7
+NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 
 EVENT_INDICATORS = "event indicators"  # as a variable of a block; no variable of an FMU is called so
 
@@ -88,13 +85,9 @@ RECORD_WORDS = 20
     CLOCK,  # Model Exchange: the time that the FMU was told last, a float64 (s)
     HANDLED,  # when it was in Event Mode last, a float64 (s)
     REACHED,  # the communication point that it has got to, a float64 (s)
-    STAGE,  # of the integration, from 0
-    SPLIT,  # whether this inner step is done already, across time events
-    END_STATES,  # the address of the states at its end
-    SLOPES,  # the address of what then stands for the derivatives: the way there over the inner step
     ENDS,  # it asked for the end of the simulation
     INFO,
-) = range(16)
+) = range(12)
 RUNNING, EVENT = range(2)
 INFO_REAL = 24  # bytes from INFO to the number in it
 
@@ -114,9 +107,9 @@ SLOT, CODE, COUNT_OF, BYTES, TRAVELLING, SHADOW = range(6)
 PLAIN, FLOAT64, FLOAT32, INTEGER32, BOOLEAN32 = range(5)  # the last two, FMI 2's, are widened or narrowed on the way
 
 MOST_ITERATIONS = 1000
-MOST_EVENTS = 1_000_000  # time events in one step
+MOST_EVENTS = 1_000_000  # time events at one time
 ROUNDING = 1e-9  # of a communication step: what rounding may do to a time
 
 # What a call does for each instance.
 NOTHING, INITIAL, BEGIN, GET, EXCHANGE, ADVANCE, EVALUATE, DIFFERENTIATE, BEGIN_EVENTS, END_EVENTS = range(10)
-KEEP_STATE, GO_BACK, INDICATE = range(10, 13)
+KEEP_STATE, GO_BACK, INDICATE, TELL = range(10, 14)

@@ -27,8 +27,7 @@ REASONS = {
     fields.NO_PROGRESS: "returned early from a step without any progress",
     fields.ENDLESS: f"needed more than {fields.MOST_ITERATIONS} event iterations",
     fields.TOO_LARGE: "cannot take an integer of more than 32 bits",
-    fields.CROWDED: f"has more than {fields.MOST_EVENTS} time events in one step",
-    fields.PASSED: "has a time event inside a step, at which only an explicit integrator with equal steps can stop",
+    fields.CROWDED: f"has more than {fields.MOST_EVENTS} time events at one time",
 }
 
 
@@ -115,9 +114,7 @@ class Instances:
         if failed == fields.TERMINATED:
             return self.trace.termination(k)
         if failed in REASONS:
-            passed = "leave `tolerance` out, or choose a `run.step` at whose multiples they come"
-            fix = passed if failed == fields.PASSED else ""
-            return self.trace.failure(f"it {REASONS[failed]}" + (f": {about}" if about else ""), k, time, fix=fix)
+            return self.trace.failure(f"it {REASONS[failed]}" + (f": {about}" if about else ""), k, time)
         self._handles.lost[k] = status
         function = self.trace.name_of(failed) or "a function"
         return self.trace.failure(returned(function, about, status) + self._last_time(k, failed), k, time)

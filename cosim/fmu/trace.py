@@ -101,9 +101,9 @@ class FmuTrace:
         return bool(self.link[fields.ENDED])
 
     def warnings(self) -> list[CosimError]:
-        """What the instances warned of, and what was done to them that they may not have been made for."""
-        texts = [text for text in (self._warned(), self._blurred()) if text]
-        return [CosimError(f"block {self.component.name} {text}", self.component.entry.type.position) for text in texts]
+        """What the instances warned of."""
+        text = self._warned()
+        return [CosimError(f"block {self.component.name} {text}", self.component.entry.type.position)] if text else []
 
     def _warned(self) -> str:
         """How often instances warned, who did first and when, and with what words."""
@@ -117,14 +117,6 @@ class FmuTrace:
         parts += [f"{_times(logged, 'warning')} logged"] if logged else []
         said = next((self.messages[j].first_warning for j in (k, *talkers) if self.messages[j].warnings), "")
         return f"({self._who(k)}): {'; '.join(parts)}" + (f"\n    it says first: {said}" if said else "")
-
-    def _blurred(self) -> str:
-        """Of time events where the loop's method is less accurate than it is elsewhere."""
-        splits = int(self.link[fields.SPLITS])
-        if not splits or not self.link[fields.JOINT] or self.link[fields.STAGES] == 1:
-            return ""
-        steps = _times(splits, "step")
-        return f"({self.fmu.name}): time events inside {steps}, in whose stages other blocks saw its outputs of the end"
 
     def _real(self, word: int) -> float:
         return float(self.link.view(np.float64)[word])

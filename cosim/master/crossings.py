@@ -1,10 +1,10 @@
 """Events of blocks: indicators that cross zero inside a step, and what happens where they do.
 
-    at the end of a step, look at the indicators; where one has crossed since it was looked at last:
-        find the crossing: from the step's begin, again and again, to a time between the last before and the first after
-        let blocks reset their states there, all by what there was; then FMUs, by what there is now
-        as long as an indicator has crossed by that, once more
-        look at the indicators a moment later, go on from there to the step's end, and look again
+    cross       look at the indicators at the end of a step; where one has crossed since it was looked at last, find the
+                crossing: from the step's begin, again and again, to a time between the last before and the first after
+    happen      blocks reset their states, all by what there was; then FMUs have their events, by what there is now;
+                as long as an indicator has crossed by that, once more
+    linger      look at the indicators a moment later; the step goes on from the event
 
 The last time before and the first after a crossing are found by the Illinois method, to within rounding of the time.
 The event is at the latter, where what is reset may lie a rounding error beyond zero and on its way back: hence the
@@ -17,7 +17,7 @@ from typing import Any
 
 from cosim.machine.memory import reals_at, words_at
 from cosim.master.histories import forget
-from cosim.master.stepping import advance, hush, perform
+from cosim.master.stepping import advance, hush, perform, restore, save
 from cosim.master.tables import (
     AGAIN,
     CLOCK_WORDS,
@@ -27,6 +27,8 @@ from cosim.master.tables import (
     DUE,
     ELEMENT,
     END_INDICATOR,
+    ENDED_BY,
+    ENDING,
     EVALUATE,
     EVENT,
     EVENTS,
@@ -35,6 +37,7 @@ from cosim.master.tables import (
     HISTORIES,
     INDICATORS,
     KEEP,
+    LEFT,
     LOOKED,
     N_HISTORIES,
     N_INDICATORS,
@@ -42,8 +45,8 @@ from cosim.master.tables import (
     NON_FINITE,
     REPEAT,
     RESTLESS,
-    SAVE,
     SETTLE,
+    TERMINAL,
     WANTED,
     WARNING,
     WAS,
@@ -56,7 +59,6 @@ ROUNDING = 2.0**-44  # of the time and the step: how near a crossing is found
 MOMENT = 2.0**-20  # of what is left of a step: when the sign of what an event has reset is looked at
 MOST_TRIALS = 200
 BISECTED = 60  # trials from which the interval is halved
-MOST_EVENTS = 100_000  # in one step
 MOST_ROUNDS = 1000  # of an event that causes another at the same time
 
 
@@ -81,32 +83,28 @@ def anticipate(c: Any, base: int, time: float) -> int:
     return status
 
 
-def pursue(c: Any, base: int, begun: float, end: float) -> int:
-    """Look for events between a time (s), whose state is saved, and one that is reached. Returns the status."""
-    for _ in range(MOST_EVENTS):
-        status = arrive(c, base, end)
-        if status > WARNING or not has_crossed(c, base):
-            note(c, base, WAS)
-            return status
+def cross(c: Any, base: int, control: int, begun: float, reached: float) -> float:
+    """Look at the indicators at a time (s) that is reached, and go back to the first crossing since another, if any.
+
+    Returns the time that is reached then, at which an indicator has crossed or none has; or minus the status.
+    """
+    status = arrive(c, base, reached)
+    if status > WARNING:
+        return -float(status)
+    if has_crossed(c, base):
         note(c, base, HIGH)
-        event = locate(c, base, begun, end)
-        if event < 0.0:
-            return -int(event)
-        status = happen(c, base, event)
-        if status > WARNING or end - event <= ROUNDING * (abs(end) + end - begun):
-            return status
-        status = perform(c, base, SAVE, SAVE, event)
-        if status <= WARNING:
-            status = retry(c, base, event, event + (end - event) * MOMENT)
-        note(c, base, WAS)
-        if status <= WARNING:
-            status = perform(c, base, REPEAT, REPEAT, event)
-        if status <= WARNING:
-            status = advance(c, base, event, end, end - event)
-        if status > WARNING:
-            return status
-        begun = event
-    return RESTLESS
+        return locate(c, base, control, begun, reached)
+    note(c, base, WAS)
+    return reached
+
+
+def linger(c: Any, base: int, control: int, event: float, end: float) -> int:
+    """Look at the indicators a moment after an event, for the signs they have from there on. Returns the status."""
+    status = save(c, base, event)
+    if status <= WARNING:
+        status = retry(c, base, control, event, event + (end - event) * MOMENT)
+    note(c, base, WAS)
+    return restore(c, base, REPEAT, event) if status <= WARNING else status
 
 
 def arrive(c: Any, base: int, time: float) -> int:
@@ -116,7 +114,7 @@ def arrive(c: Any, base: int, time: float) -> int:
     return look(c, base, time) if status <= WARNING else status
 
 
-def locate(c: Any, base: int, begun: float, end: float) -> float:
+def locate(c: Any, base: int, control: int, begun: float, end: float) -> float:
     """The time (s) of the first crossing after a time whose state is saved, which is then reached.
 
     Returns minus the status where that cannot be.
@@ -129,7 +127,7 @@ def locate(c: Any, base: int, begun: float, end: float) -> float:
         part = share(c, base, before, beyond) if trial < BISECTED else 0.5
         least = min(0.5, 0.5 * nearness / (high - low))
         time = low + (high - low) * min(max(part, least), 1.0 - least)
-        status = retry(c, base, begun, time)
+        status = retry(c, base, control, begun, time)
         if status > WARNING:
             return -float(status)
         if has_crossed(c, base):
@@ -143,17 +141,17 @@ def locate(c: Any, base: int, begun: float, end: float) -> float:
             before, beyond = 1.0, (0.5 * beyond if side == -1 else 1.0)
             side = -1
     if not reached:
-        status = retry(c, base, begun, high)
+        status = retry(c, base, control, begun, high)
         if status > WARNING:
             return -float(status)
     return high
 
 
-def retry(c: Any, base: int, begun: float, time: float) -> int:
+def retry(c: Any, base: int, control: int, begun: float, time: float) -> int:
     """Go once more from the time whose state is saved to another (s). Returns the status."""
-    status = perform(c, base, REPEAT, REPEAT, begun)
+    status = restore(c, base, REPEAT, begun)
     if status <= WARNING:
-        status = advance(c, base, begun, time, time - begun)
+        status = advance(c, base, control, begun, time, time - begun)
     return arrive(c, base, time) if status <= WARNING else status
 
 
@@ -171,6 +169,7 @@ def share(c: Any, base: int, before: float, beyond: float) -> float:
 
 def happen(c: Any, base: int, time: float) -> int:
     """The event at a time (s) at which indicators have crossed, and those that it causes. Returns the status."""
+    c[LEFT] = 0
     for _ in range(MOST_ROUNDS):
         strike_crossed(c, base)
         status = perform(c, base, EVENT, EVENT, time)
@@ -194,12 +193,15 @@ def happen(c: Any, base: int, time: float) -> int:
 
 
 def strike_crossed(c: Any, base: int) -> None:
-    """Say how each indicator has crossed, and have the blocks be due of which one has."""
+    """Say how each indicator has crossed, and have the blocks be due of which one has; one may end the run."""
     n = c[N_INDICATORS]
     z, was = reals_at(base + c[Z], n), reals_at(base + c[WAS], n)
     direction, wanted = reals_at(base + c[DIRECTION], n), reals_at(base + c[WANTED], n)
+    terminal = reals_at(base + c[TERMINAL], n)
     for j in range(n):
         direction[j] = crosses(was[j], z[j], wanted[j])
+        if direction[j] != 0.0 and terminal[j] != 0.0 and c[ENDED_BY] == 0:
+            c[ENDED_BY], c[ENDING] = j + 1, 1
     for i in range(c[N_WATCHED]):
         watched = words_at(base + c[WATCHED] + i * WATCHED_WORDS * 8, WATCHED_WORDS)
         due = 0

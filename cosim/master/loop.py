@@ -16,17 +16,20 @@ from typing import Any
 
 from cosim.machine.memory import integers_at, load, reals_at, words_at
 from cosim.master.attempts import attempt
+from cosim.master.crossings import anticipate
 from cosim.master.rows import operate
 from cosim.master.stepping import advance, next_point, perform, strike, time_at
 from cosim.master.tables import (
     AGAIN,
     ATTEMPTS,
+    BETWEEN,
     BUFFER,
     CAPACITY,
     CONTROL_WORDS,
     ELEMENT,
     END_ROW,
     ENDED,
+    ENDED_AT,
     ENDING,
     EVALUATE,
     FILLED,
@@ -36,6 +39,7 @@ from cosim.master.tables import (
     GROUP_WORDS,
     GROUPS,
     LAST,
+    LEFT,
     N_GROUPS,
     N_PUBLISHED,
     N_PUBLISHED32,
@@ -74,7 +78,7 @@ def run(_: float, base: int, control: int) -> int:
 
     It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
-    c = words_at(control, CONTROL_WORDS)
+    c, numbers = words_at(control, CONTROL_WORDS), reals_at(control, CONTROL_WORDS)
     last = min(c[LAST], full_at(c))
     while c[TICK] < last:
         k = c[TICK]
@@ -87,14 +91,19 @@ def run(_: float, base: int, control: int) -> int:
         if c[ENDING] != 0:
             c[ENDING] = ENDED
             return OK
+        following = next_point(c, base, k)
+        numbers[STEP_SIZE] = (following - k) * numbers[TICK_SIZE]
         status = perform(c, base, UPDATE, UPDATE, time)
         if status > WARNING:
             return status
-        following = next_point(c, base, k)
         status = attempt(c, base, control, following) if c[ATTEMPTS] != 0 else step(c, base, control, following)
         if status > WARNING:
             return status
+        if c[ENDING] == ENDED:
+            return OK
         c[STEPS] += 1
+        if c[ENDING] == BETWEEN:
+            return finish(c, base, numbers[ENDED_AT])
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
     if c[FINAL] != 0 and c[TICK] == c[LAST] < full_at(c):
@@ -108,8 +117,8 @@ def run(_: float, base: int, control: int) -> int:
 def step(c: Any, base: int, control: int, following: int) -> int:
     """From tick TICK to another. Returns the status."""
     k, numbers = c[TICK], reals_at(control, CONTROL_WORDS)
-    numbers[STEP_SIZE] = (following - k) * numbers[TICK_SIZE]
-    status = advance(c, base, time_at(c, control, k), time_at(c, control, following), numbers[STEP_SIZE])
+    size = (following - k) * numbers[TICK_SIZE]
+    status = advance(c, base, control, time_at(c, control, k), time_at(c, control, following), size)
     if status <= WARNING:
         c[TICK] = following
     return status
@@ -117,6 +126,7 @@ def step(c: Any, base: int, control: int, following: int) -> int:
 
 def reach(c: Any, base: int, k: int, time: float) -> int:
     """Be at the communication point k: evaluate what is published there, and probe it. Returns the status."""
+    c[LEFT] = 0
     strike(c, base, k)
     status = perform(c, base, PUBLISH, SETTLE, time)
     if status <= WARNING and c[AGAIN] != 0:
@@ -128,6 +138,20 @@ def reach(c: Any, base: int, k: int, time: float) -> int:
         return NON_FINITE
     probe(c, base, k, time)
     return OK
+
+
+def finish(c: Any, base: int, time: float) -> int:
+    """The run ends at an event between two communication points: probe all that is published. Returns the status."""
+    c[ENDING] = ENDED
+    if not is_sound(c, base) or not are_finite(c, base, c[X], c[STATES]):
+        return NON_FINITE
+    probe(c, base, 0, time)
+    return OK
+
+
+def begin(time: float, base: int, control: int) -> int:
+    """The event, if any, of what is published at a time (s), as at a step's begin. Returns the status."""
+    return anticipate(words_at(control, CONTROL_WORDS), base, time)
 
 
 def execute(time: float, base: int, control: int) -> int:
@@ -154,7 +178,10 @@ def full_at(c: Any) -> int:
 
 
 def probe(c: Any, base: int, k: int, time: float) -> None:
-    """Copy the probed signals of every group that is due at tick k to its buffer; `full_at` says that it has room."""
+    """Copy the probed signals of every group that is due at tick k to its buffer; `full_at` says that it has room.
+
+    All are due at tick 0, and there is room for one row more.
+    """
     for g in range(c[N_GROUPS]):
         group = words_at(c[GROUPS] + g * GROUP_WORDS * 8, GROUP_WORDS)
         every = group[GROUP_EVERY]

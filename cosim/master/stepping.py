@@ -5,6 +5,7 @@ One source, two engines, as in `loop.py`.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from cosim.machine.memory import reals_at, words_at
@@ -16,9 +17,13 @@ from cosim.master.tables import (
     CLOCKS,
     CONTROL_WORDS,
     DUE,
+    EARLY,
+    ENDING,
     GRID,
     INTEGRATE,
+    KEPT_ENDING,
     KIND,
+    LEFT,
     N_CLOCKS,
     OFFSET,
     OK,
@@ -30,7 +35,9 @@ from cosim.master.tables import (
     ROW_BYTES,
     ROW_WORDS,
     ROWS,
+    SAVE,
     SOLVE,
+    STEP_SIZE,
     TICK_SIZE,
     WARNING,
     A,
@@ -79,8 +86,27 @@ def perform(c: Any, base: int, first: int, last: int, time: float) -> int:
     return operate(c, base, begin, end, time, time)
 
 
-def advance(c: Any, base: int, time: float, later: float, step: float) -> int:
-    """Go from a time (s) to a later one: ADVANCE with its integrations. Returns the status."""
+def save(c: Any, base: int, time: float) -> int:
+    """Keep what there is at a time (s), for `restore`. Returns the status."""
+    c[KEPT_ENDING] = c[ENDING]
+    return perform(c, base, SAVE, SAVE, time)
+
+
+def restore(c: Any, base: int, phase: int, time: float) -> int:
+    """Be where all was saved, at a time (s). phase: REJECT, or REPEAT. Returns the status."""
+    c[ENDING] = c[KEPT_ENDING]
+    return perform(c, base, phase, phase, time)
+
+
+def advance(c: Any, base: int, control: int, time: float, later: float, step: float) -> int:
+    """Go from a time (s) to a later one: ADVANCE with its integrations. Returns the status.
+
+    A foreign block may stop before: then EARLY says when. Until it is accepted, what is
+    evaluated then is LEFT of events.
+    """
+    numbers = reals_at(control, CONTROL_WORDS)
+    numbers[STEP_SIZE], numbers[EARLY] = step, math.inf
+    c[LEFT] = 1
     phase = words_at(c[PHASE] + ADVANCE * PHASE_WORDS * 8, PHASE_WORDS)
     o = phase[0]
     while o < phase[1]:

@@ -10,16 +10,16 @@ from typing import Any
 from cosim.machine.memory import call, reals_at, words_at
 from cosim.master.histories import forget, push, trace
 
-# Status of a call and of a run: FMI's, and four more.
-OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS, STALLED = range(9)
+# Status of a call and of a run: FMI's, and five more.
+OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS, STALLED, INDIVISIBLE = range(10)
 
 # The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
 PHASES = (
     *("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE"),
-    *("SAVE", "REJECT", "REPEAT", "KEEP", "INDICATORS", "EVENT"),
+    *("SAVE", "REJECT", "REPEAT", "KEEP", "INDICATORS", "EVENT", "TIMES"),
 )
 CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
-SAVE, REJECT, REPEAT, KEEP, INDICATORS, EVENT = range(8, 14)
+SAVE, REJECT, REPEAT, KEEP, INDICATORS, EVENT, TIMES = range(8, 15)
 PHASE_WORDS = 2
 
 # A row: kind, three operands, the number of the clock by which it is done (from 1; 0: at every communication point),
@@ -77,7 +77,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 60
+CONTROL_WORDS = 69
 (
     ROWS,
     BANKS,
@@ -108,8 +108,8 @@ CONTROL_WORDS = 60
     ORIGIN_TICK,  # the tick at which the time is ORIGIN
     ORIGIN,  # a float64 (s)
     TICK_SIZE,  # a float64 (s)
-    STEP_SIZE,  # from this communication point to the next, a float64 (s)
-    ENDING,  # not 0 if no step is to be done after the next communication point, a foreign block may say; then ENDED
+    STEP_SIZE,  # how long the step is that is being done, a float64 (s)
+    ENDING,  # not 0 if no step is to be done after the next communication point or event; then BETWEEN, ENDED
     PUBLISHED,  # float64 numbers that have to be finite at every communication point, besides the states
     N_PUBLISHED,
     PUBLISHED32,  # and float32 numbers
@@ -139,9 +139,18 @@ CONTROL_WORDS = 60
     N_WATCHED,
     LOOKED,  # whether they have been looked at
     INNER,  # how many inner steps have been begun: a sign of life within a communication step
+    EVENTFUL,  # whether there may be events between two communication points
+    NEXT_EVENT,  # when foreign blocks have their next time event, a float64 (s)
+    EARLY,  # when the first of them stopped within the step that is being done, a float64 (s); else infinite
+    LEFT,  # whether what is evaluated lies before the events of its time, at the end of a step that is not yet accepted
+    DIVISIBLE,  # whether a step can end where an event is
+    TERMINAL,  # of which indicators a crossing ends the run, float64 numbers that are not 0
+    ENDED_BY,  # the indicator that did, from 1
+    ENDED_AT,  # the time of the event that did, a float64 (s), between two communication points
+    KEPT_ENDING,  # ENDING as it was when all was saved
 ) = range(CONTROL_WORDS)
 
-ENDED = 2  # what ENDING becomes
+ENDED, BETWEEN = 2, 3  # what ENDING becomes: at a communication point, or at an event that lies between two
 
 
 def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:

@@ -14,28 +14,31 @@ JSON = ("settings", "versions", "seconds", "inner_steps", "metrics", "reductions
 #: What is known at the end only, with bytes set aside for it: what fits is written in place, so that at no instant is
 #: there a file whose header points to what is not yet on disk.
 LAST = {
-    **{"message": 512, "steps": 0, "metrics": 2048, "seconds": 128},
+    **{"message": 512, "metrics": 2048, "seconds": 128},
     **{"inner_steps": 512, "conditions": 2048, "accuracy": 2048, "status": 16},
 }
+NUMBERS: dict[str, int | float] = {"steps": 0, "end": 0.0}
+"""What is known at the end only and is a number, with what stands there before."""
 
 
 def write(file: Any, attributes: Mapping[str, Any]) -> None:
     """What is known when a run begins, and room for what is known at its end."""
     for key, value in attributes.items():
         file.attrs[key] = json.dumps(for_json(value)) if key in JSON else value
+    for key, number in NUMBERS.items():
+        file.attrs[key] = number
     for key, size in LAST.items():
-        file.attrs[key] = np.array("running" if key == "status" else "", f"S{size}") if size else 0
+        file.attrs[key] = np.array("running" if key == "status" else "", f"S{size}")
 
 
 def write_last(file: Any, values: Mapping[str, Any]) -> None:
-    """What is known at the end of a run: a value for each key of LAST, in place if it fits."""
+    """What is known at the end of a run: a value for each key of NUMBERS and LAST, in place if it fits."""
+    for key, number in NUMBERS.items():
+        file.attrs.get_id(key).write(np.array(values[key], type(number)))
     for key in LAST:
         if key == "status":
             file.flush()  # whoever finds a status finds the rest
-        if key == "steps":
-            file.attrs.get_id(key).write(np.array(values[key]))
-        else:
-            write_text(file, key, values[key])
+        write_text(file, key, values[key])
 
 
 def write_text(file: Any, key: str, value: Any) -> None:
@@ -49,7 +52,7 @@ def write_text(file: Any, key: str, value: Any) -> None:
 
 def size_of(values: Mapping[str, Any]) -> int:
     """The bytes of those values that do not fit where they were to be."""
-    sizes = [(len(_text(key, values[key])), size) for key, size in LAST.items() if size and key in values]
+    sizes = [(len(_text(key, values[key])), size) for key, size in LAST.items() if key in values]
     return sum(long for long, size in sizes if long > size)
 
 
@@ -64,7 +67,7 @@ def read(file: Any) -> dict[str, Any]:
     """
     kept = {key: _plain(value) for key, value in file.attrs.items()}
     if kept.get("status") == "running":
-        kept = {key: value for key, value in kept.items() if key == "status" or key not in LAST}
+        kept = {key: value for key, value in kept.items() if key == "status" or key not in {*LAST, *NUMBERS}}
     return {key: _read(key, value) for key, value in kept.items()}
 
 

@@ -130,11 +130,11 @@ def _nothing(what: str, first: Path, second: Path) -> ResultError:
 
 
 def _ending(result: Result) -> Ending:
-    settings, steps = result.attrs.get("settings"), result.attrs.get("steps")
+    settings, end = result.attrs.get("settings"), result.attrs.get("end")
     step = settings.get("step") if isinstance(settings, dict) else None
     told = str(result.attrs["status"]), str(result.attrs.get("message", ""))
-    if isinstance(step, int | float) and isinstance(steps, int):
-        return Ending(*told, float(step * steps), float(step))
+    if isinstance(step, int | float) and isinstance(end, int | float):
+        return Ending(*told, float(end), float(step))
     return Ending(*told, None, None)
 
 

@@ -97,19 +97,20 @@ class ResultWriter:
         seconds: Mapping[str, float] | None = None,
         conditions: Sequence[Mapping[str, Any]] = (),
         inner_steps: Mapping[str, Any] | None = None,
+        end: float = 0.0,
     ) -> None:
         """Flush, note how the run ended, and close.
 
         status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
         conditions: those that were judged along the run, with the fields of a `network.Finding`. inner_steps: of what
-        was integrated within a tolerance.
+        was integrated within a tolerance. end: the simulated time that was reached (s).
         """
         problem = None
         try:
             self.flush()
         except ResultError as error:
             problem, status, message = error, "failed", error.message
-        last: dict[str, Any] = {"status": status, "message": message, "steps": steps}
+        last: dict[str, Any] = {"status": status, "message": message, "steps": steps, "end": end}
         last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
         last |= {"inner_steps": inner_steps or {}, "accuracy": {}}
         try:

@@ -258,10 +258,15 @@ class Network:
         return [component for component in foreign if not component.declaration.kind("restore")]
 
     @cached_property
+    def rigid(self) -> list[Component]:
+        """The foreign blocks that take steps of one size only, so that no step can end at an event."""
+        return [c for c in self.components.values() if c.declaration.rigid and not c.declaration.sampled]
+
+    @cached_property
     def watched(self) -> list[Component]:
         """The components with event indicators; foreign ones look for themselves where no step can be done anew."""
         several = [c for c in self.components.values() if any(c.declaration.of(Indicator))]
-        return [c for c in several if not (c.declaration.foreign and self.stuck)]
+        return [c for c in several if not (c.declaration.foreign and (self.stuck or self.rigid))]
 
     def flows(self, component: Component, port: str) -> bool:
         """Whether what an input reads is real and changes between two samples, so that there are values in between."""

@@ -40,6 +40,16 @@ class Double(Block):
         y[0] = 2.0 * u
 
 
+class Sum(Block):
+    """dx/dt = u."""
+
+    u = Input()
+    x = State(output=True)
+
+    def derivatives(u, d_x):
+        d_x[0] = u
+
+
 class Lag(Block):
     """The lag of `machine.c`: T dx/dt = u - x, y = 2 u + x."""
 

@@ -1,6 +1,7 @@
 /* A test FMU for FMI 2.0 and 3.0 (-DFMI=2 or 3) whose counter steps from 1 upwards at each multiple of `period`, and
-   ends the simulation at `last`; `held` is the input of the last one. It handles an event at its own time only, and refuses to be integrated beyond it, as
-   the standard lets it. -DSTATES=1 adds a state, dx/dt = counter + u, which each event raises by `jump`; -DSTATES=2
+   ends the simulation at `last`; `held` is the input of the last one. It handles an event at its own time only, and
+   refuses to be integrated beyond it, as the standard lets it. In FMI 3's Co-Simulation it returns early at an event
+   where that is allowed. -DSTATES=1 adds a state, dx/dt = counter + u, which each event raises by `jump`; -DSTATES=2
    another, dw/dt = x. */
 
 #include <float.h>
@@ -22,12 +23,17 @@ typedef fmi3ValueReference Reference;
 #define F(name) fmi3##name
 #endif
 
+#ifdef SILENT
+#define TELLS 0
+#else
+#define TELLS 1
+#endif
 enum { OK, WARNING, DISCARD, ERROR };
 enum { U = 1, X, DX, Y, PERIOD, JUMP, COUNTER, LAST, MIDDLE, HELD, W, DW };
 
 typedef struct {
     double time, u, x, w, next, period, jump, held;
-    int counter, last, ended, event_mode;
+    int counter, last, ended, event_mode, returns;
 } Stair;
 
 static int reached(const Stair *s) { return fabs(s->time - s->next) <= 4 * DBL_EPSILON * (1 + fabs(s->time)); }
@@ -49,11 +55,11 @@ static Status advance(Stair *s, double t, double h) {
         s->w += (to - s->time) * (s->x + 0.5 * (to - s->time) * (s->counter + s->u));
         s->x += (to - s->time) * (s->counter + s->u);
         s->time = to;
-        if (!reached(s)) break;
+        if (!reached(s) || s->returns) break;
         update(s);
         if (s->ended) break;
     }
-    if (!s->ended) s->time = end;
+    if (!s->ended && !s->returns) s->time = end;
     return OK;
 }
 
@@ -107,6 +113,13 @@ static Status derivatives(Stair *s, double d[], size_t n) {
     return n == STATES ? OK : ERROR;
 }
 
+static Status keep(const Stair *s, void **kept) {
+    if (!*kept) *kept = malloc(sizeof *s);
+    memcpy(*kept, s, sizeof *s);
+    return OK;
+}
+static Status go_back(Stair *s, const void *kept) { memcpy(s, kept, sizeof *s); return OK; }
+
 #define EACH(call) do { Status status = OK; for (size_t i = 0; i < n && status == OK; i++) status = call; return status; } while (0)
 #if FMI == 2
 void *fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String where, const fmi2CallbackFunctions *f,
@@ -130,6 +143,9 @@ Status fmi2DoStep(void *c, double t, double h, fmi2Boolean keep) {
 }
 Status fmi2GetBooleanStatus(void *c, const fmi2StatusKind kind, fmi2Boolean *value) { *value = ((Stair *)c)->ended; return kind == fmi2Terminated ? OK : ERROR; }
 Status fmi2GetRealStatus(void *c, const fmi2StatusKind kind, fmi2Real *value) { *value = ((Stair *)c)->time; return kind == fmi2LastSuccessfulTime ? OK : ERROR; }
+Status fmi2GetFMUstate(void *c, fmi2FMUstate *s) { return keep(c, s); }
+Status fmi2SetFMUstate(void *c, fmi2FMUstate s) { return go_back(c, s); }
+Status fmi2FreeFMUstate(void *c, fmi2FMUstate *s) { free(*s); *s = NULL; return OK; }
 Status fmi2SetReal(void *c, const Reference r[], size_t n, const double v[]) { EACH(set_real(c, r[i], v[i])); }
 Status fmi2GetReal(void *c, const Reference r[], size_t n, double v[]) { EACH(get_real(c, r[i], v + i)); }
 Status fmi2SetInteger(void *c, const Reference r[], size_t n, const int v[]) { ((Stair *)c)->last = v[0]; return OK; }
@@ -139,12 +155,16 @@ void *fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String
     fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log) { return create(); }
 void *fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String where, fmi3Boolean visible,
     fmi3Boolean logging, fmi3Boolean eventful, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
-    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) { return create(); }
+    fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, fmi3IntermediateUpdateCallback update) {
+    Stair *s = create();
+    s->returns = eventful && early;
+    return s;
+}
 Status fmi3EnterInitializationMode(void *c, fmi3Boolean a, double b, double start, fmi3Boolean d, double e) { return OK; }
 Status fmi3UpdateDiscreteStates(void *c, fmi3Boolean *again, fmi3Boolean *end, fmi3Boolean *nominals,
                                 fmi3Boolean *values, fmi3Boolean *defined, double *next) {
     Stair *s = c;
-    *again = *nominals = 0; *values = update(s); *end = s->ended; *defined = 1; *next = s->next;
+    *again = *nominals = 0; *values = update(s); *end = s->ended; *defined = TELLS; *next = s->next;
     return s->event_mode ? OK : ERROR;
 }
 Status fmi3CompletedIntegratorStep(void *c, fmi3Boolean no, fmi3Boolean *enter, fmi3Boolean *end) { *enter = *end = 0; return OK; }
@@ -152,9 +172,13 @@ Status fmi3GetContinuousStateDerivatives(void *c, double d[], size_t n) { return
 Status fmi3DoStep(void *c, double t, double h, fmi3Boolean keep, fmi3Boolean *event, fmi3Boolean *end, fmi3Boolean *early, double *last) {
     Stair *s = c;
     advance(s, t, h);
-    *event = 0; *end = s->ended; *early = s->time < t + h - 1e-9 * h; *last = s->time;
+    *event = s->returns && reached(s); *end = s->ended; *early = s->time < t + h - 1e-9 * h; *last = s->time;
     return OK;
 }
+Status fmi3EnterStepMode(void *c) { ((Stair *)c)->event_mode = 0; return OK; }
+Status fmi3GetFMUState(void *c, fmi3FMUState *s) { return keep(c, s); }
+Status fmi3SetFMUState(void *c, fmi3FMUState s) { return go_back(c, s); }
+Status fmi3FreeFMUState(void *c, fmi3FMUState *s) { free(*s); *s = NULL; return OK; }
 Status fmi3SetFloat64(void *c, const Reference r[], size_t n, const double v[], size_t nv) { EACH(set_real(c, r[i], v[i])); }
 Status fmi3GetFloat64(void *c, const Reference r[], size_t n, double v[], size_t nv) { EACH(get_real(c, r[i], v + i)); }
 Status fmi3SetInt32(void *c, const Reference r[], size_t n, const int v[], size_t nv) { ((Stair *)c)->last = v[0]; return OK; }

@@ -27,8 +27,15 @@ STATES = (
 )
 
 
-def build(folder: Path, version: int, states: int) -> Path:
-    """The FMU with `states` (0 to 2) continuous states."""
+VARYING = 'canHandleVariableCommunicationStepSize="true"'
+KEEPING = {2: 'canGetAndSetFMUstate="true"', 3: 'canGetAndSetFMUState="true"'}
+RETURNING = 'hasEventMode="true" mightReturnEarlyFromDoStep="true"'
+
+
+def build(
+    folder: Path, version: int, states: int, kinds: str = "me cs", flags: str = "", options: tuple[str, ...] = ()
+) -> Path:
+    """The FMU with `states` (0 to 2) continuous states. options: -DSILENT has it not tell of its next event."""
     variables = COUNTER + PARAMETERS + STATES[: 2 * states]
     model = Model("stair", variables, ("der(x)", "der(w)")[:states])
-    return machine.pack(folder, version, model, SOURCE, options=(f"-DSTATES={states}",))
+    return machine.pack(folder, version, model, SOURCE, kinds, flags, options=(f"-DSTATES={states}", *options))

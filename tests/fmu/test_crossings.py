@@ -98,7 +98,7 @@ def test_one_that_cannot_go_back_is_looked_at_once_a_step(balls, tmp_path, versi
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_native_ball_as_our_own_fmu_bounces_alike(tmp_path, version):
-    """Co-Simulation: the FMU finds its events inside its steps. As Model Exchange it is not offered."""
+    """Co-Simulation: the FMU finds its events inside its steps."""
     (tmp_path / "ball.py").write_text(BALL)
     native = TEXT.format(method="jacobi", fmu="x", more="").replace("fmu: x", "python: ball.py:Ball")
     wanted = recorded(tmp_path, native)
@@ -108,8 +108,6 @@ def test_a_native_ball_as_our_own_fmu_bounces_alike(tmp_path, version):
     cosim.export_fmu(cosim.load(tmp_path / "native.yaml"), ["b"], exported, f"{version}.0")
     found = recorded(tmp_path, TEXT.format(method="jacobi", fmu=exported, more=""))
     assert all(np.array_equal(one, two) for one, two in zip(wanted, found, strict=True))
-    with pytest.raises(cosim.CosimError):
-        recorded(tmp_path, TEXT.format(method="jacobi", fmu=exported, more=", mode: model-exchange"))
 
 
 @pytest.mark.parametrize("version", [2, 3])

@@ -26,7 +26,7 @@ def result(tmp_path):
         signals = [Recorded(n, v.shape[1:], v.dtype, unit=unit) for n, v in samples.items()]
         writer = ResultWriter(path, signals, {"settings": {"step": step}} if step else {})
         writer.append(times, samples)
-        writer.close(status, message, metrics or {}, steps)
+        writer.close(status, message, metrics or {}, steps, end=(step or 0.0) * steps)
         return path
 
     return write

@@ -100,7 +100,19 @@ static Status run(Instance *i, int64_t n) {
     return conclude(i, status, warnings, grid_time(i));
 }
 
-static Status worse(Status a, Status b) {
+static double now(const Instance *i) {
+    return i->interface == CO_SIMULATION || i->at.sampling ? grid_time(i) : i->at.time;
+}
+
+Status anticipate(Instance *i) {
+    int64_t *c = i->control, warnings = c[ENGINE_WARNINGS];
+    c[ENGINE_TICK] = i->at.k;
+    c[ENGINE_LOOKED] = i->at.looked;
+    c[ENGINE_ENDING] = c[ENGINE_ENDED_BY] = 0;
+    return conclude(i, engine_begin(now(i), i->arena, c), warnings, now(i));
+}
+
+Status worse(Status a, Status b) {
     return a > b ? a : b;
 }
 
@@ -167,6 +179,8 @@ Status provide(Instance *i, Need need) {
         status = calculate(i);
         if (status < ERROR && need > CALCULATED && at->outputs_stale) status = worse(status, evaluate(i));
     }
+    if (status < ERROR && need == INDICATED)
+        status = worse(status, execute(i, model.phases[ENGINE_INDICATORS], now(i)));
     if (status < ERROR && need == DIFFERENTIATED && at->derivatives_stale) {
         const double time = i->interface == CO_SIMULATION ? grid_time(i) : at->time;
         status = worse(status, execute(i, model.phases[ENGINE_DERIVATIVES], time));
@@ -294,6 +308,7 @@ Status leave_event_mode(Instance *i, Phase next) {
         status = worse(status, execute(i, model.phases[ENGINE_UPDATE], grid_time(i)));
         i->at.sampling = 0;
     }
+    if (status < ERROR && i->interface == MODEL_EXCHANGE) status = worse(status, look_ahead(i));
     if (status >= ERROR) return status;
     i->at.discrete = hash_discrete(i);
     i->at.phase = next;
@@ -301,8 +316,9 @@ Status leave_event_mode(Instance *i, Phase next) {
 }
 
 Status complete_step(Instance *i, bool *event) {
-    const Status status = provide(i, EVALUATED);
-    *event = status < ERROR && hash_discrete(i) != i->at.discrete;
+    bool crossed;
+    const Status status = worse(provide(i, EVALUATED), look_at_step_end(i, &crossed));
+    *event = status < ERROR && (crossed || hash_discrete(i) != i->at.discrete);
     return status;
 }
 
@@ -318,8 +334,20 @@ static void follow(Progress *at, double time, double step) {
     }
 }
 
+/* A block has ended the run: be at that time, with what is published there. */
+static Status end(Instance *i, double time) {
+    Progress *at = &i->at;
+    if (i->control[ENGINE_ENDING] == ENGINE_BETWEEN || i->control[ENGINE_ENDING] == ENGINE_ENDED)
+        memcpy(&time, &i->control[ENGINE_ENDED_AT], sizeof time);
+    at->time = time;
+    at->ended = 1;
+    at->outputs_stale = 0;
+    return tell(i, OK, LOG_EVENTS, "a block has ended the simulation at t = %g s", time);
+}
+
 Status do_step(Instance *i, double time, double size) {
     Progress *at = &i->at;
+    if (at->ended) return tell(i, ERROR, LOG_ERROR, "doStep: a block has ended the simulation at t = %g s", at->time);
     if (!(size > 0) || !isfinite(size))
         return tell(i, ERROR, LOG_ERROR, "doStep: a step of %g s is not positive", size);
     if (!(fabs(time - at->time) <= 1e-6 * size + 1e-12 * fabs(time)))
@@ -335,10 +363,11 @@ Status do_step(Instance *i, double time, double size) {
     if (status >= ERROR) return status;
     guess_again(i);
     at->guess_kept = 0;
+    i->control[ENGINE_ENDING] = i->control[ENGINE_ENDED_BY] = 0; /* of a step that was undone */
     follow(at, time, step);
     status = worse(status, run(i, (int64_t)n * model.grid));
     at->time = time + size;
     at->outputs_stale = at->derivatives_stale = 1;
     at->inputs_set = 0;
-    return status;
+    return i->control[ENGINE_ENDED_BY] ? worse(status, end(i, at->time)) : status;
 }

@@ -300,8 +300,12 @@ fmi2Status fmi2EnterEventMode(fmi2Component c) {
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
     ALLOW_IN(MODEL_EXCHANGE, EVENT);
     memset(info, 0, sizeof *info);
+    bool changed, ends;
+    const Status status = handle_events(i, &changed, &ends);
+    info->valuesOfContinuousStatesChanged = changed ? fmi2True : fmi2False;
+    info->terminateSimulation = ends ? fmi2True : fmi2False;
     info->nextEventTimeDefined = next_event(i, &info->nextEventTime) ? fmi2True : fmi2False;
-    return fmi2OK;
+    return (fmi2Status)status;
 }
 
 fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
@@ -326,8 +330,7 @@ fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
 }
 
 static fmi2Status wrong_size(Instance *i, const char *function, size_t n) {
-    return (fmi2Status)tell(i, ERROR, LOG_ERROR, "%s: there are %u, not %u", function, (unsigned)model.n_states,
-                            (unsigned)n);
+    return (fmi2Status)tell(i, ERROR, LOG_ERROR, "%s: there are not %u of them", function, (unsigned)n);
 }
 
 fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real states[], size_t n) {
@@ -351,7 +354,8 @@ fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t n)
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
     ALLOW_IN(MODEL_EXCHANGE, READABLE);
-    return n ? unsupported(i, __func__) : fmi2OK;
+    if (n != indicator_count()) return wrong_size(i, __func__, n);
+    return (fmi2Status)get_indicators(i, indicators);
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
@@ -365,7 +369,8 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real size, fmi2Boolean no_set_before) {
     ALLOW_IN(CO_SIMULATION, STEP);
-    return (fmi2Status)do_step(i, time, size);
+    const Status status = do_step(i, time, size);
+    return status < DISCARD && i->at.ended ? fmi2Discard : (fmi2Status)status;
 }
 
 fmi2Status fmi2CancelStep(fmi2Component c) {
@@ -409,7 +414,7 @@ fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
     ALLOW_IN(CO_SIMULATION, STEP | TERMINATED | FAILED);
     if (kind != fmi2Terminated) return no_status(i, __func__);
-    *value = fmi2False; /* no block asks to end the simulation */
+    *value = i->at.ended ? fmi2True : fmi2False;
     return fmi2OK;
 }
 

@@ -63,6 +63,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3IntermediateUpdateCallback update) {
     Instance *i = instantiate(name, token, CO_SIMULATION, logging, environment, log);
     if (i) i->events = events;
+    if (i) i->early = early_return;
     return i;
 }
 
@@ -301,10 +302,11 @@ fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) {
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
                                     fmi3Boolean *states, fmi3Boolean *defined, fmi3Float64 *time) {
     ALLOW(EVENT);
-    *again = *terminate = *nominals = *states = fmi3False;
+    *again = *nominals = fmi3False;
     *time = 0;
+    const Status status = handle_events(i, states, terminate);
     *defined = next_event(i, time);
-    return fmi3OK;
+    return (fmi3Status)status;
 }
 
 fmi3Status fmi3EnterStepMode(fmi3Instance c) {
@@ -379,7 +381,8 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance c, fmi3Float64 derivat
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 indicators[], size_t n) {
     ALLOW_IN(MODEL_EXCHANGE, SOLVABLE);
-    return n ? unsupported(i, __func__) : fmi3OK;
+    if (n != indicator_count()) return wrong_count(i, __func__, n);
+    return (fmi3Status)get_indicators(i, indicators);
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominals[], size_t n) {
@@ -391,7 +394,7 @@ fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance c, fmi3Float64 nominal
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n) {
     ALLOW_IN(MODEL_EXCHANGE, ANY_PHASE);
-    *n = 0;
+    *n = indicator_count();
     return fmi3OK;
 }
 
@@ -410,5 +413,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 time, fmi3Float64 size, fmi3Bo
     *event_needed = *terminate = *early_return = fmi3False;
     const Status status = do_step(i, time, size);
     *last_time = i->at.time;
-    return (fmi3Status)status;
+    *terminate = i->at.ended;
+    *early_return = status < DISCARD && i->at.time < time + size;
+    return *early_return && !i->early ? fmi3Discard : (fmi3Status)status;
 }

@@ -34,7 +34,6 @@ static void set_control(Instance *i) {
 
 Instance *instance_new(const char *name, const char *token, Interface interface) {
     if (!name || !token || strcmp(token, model.token)) return NULL;
-    if (interface == MODEL_EXCHANGE && model.control[ENGINE_N_INDICATORS]) return NULL; /* as the description says */
     Instance *i = calloc(1, sizeof *i);
     if (!i) return NULL;
     i->name = malloc(strlen(name) + 1);

@@ -45,6 +45,9 @@ typedef struct {
     uint8_t sampling;    /* Model Exchange: a sample instant is being handled in Event Mode */
     uint8_t stop_defined;
     uint8_t guess_kept;  /* Co-Simulation: outputs were evaluated after the last step */
+    uint8_t ended;       /* Co-Simulation: a block has ended the run, at `time` */
+    uint8_t looked;      /* Model Exchange: at the event indicators, since the initialization */
+    uint8_t happened;    /* Model Exchange: an event of a block, since Event Mode was entered */
     double time;         /* as the importer counts it (s) */
     double start, stop;
     double origin;       /* the grid of inner steps: tick k is at origin + (k - origin_tick) * tick */
@@ -64,6 +67,7 @@ struct Instance {
     unsigned categories;
     Interface interface;
     bool events; /* FMI 3 Co-Simulation: the importer uses Event Mode */
+    bool early;  /* FMI 3 Co-Simulation: a step may return early */
     Progress at;
     int64_t control[ENGINE_CONTROL_WORDS];
     uint8_t *arena; /* aligned */
@@ -105,10 +109,19 @@ static size_t size_of(Type);
 
 static Status enter_initialization(Instance *, double start, bool stop_defined, double stop);
 static Status exit_initialization(Instance *, Phase next);
+/* DISCARD where a step cannot be done to its end. */
 static Status do_step(Instance *, double time, double size);
 static Status enter_event_mode(Instance *);
 static Status leave_event_mode(Instance *, Phase next);
-/* Model Exchange: whether discrete outputs have changed since, so that Event Mode has to be entered. */
+/* Event indicators: see events.c. changed: whether an event has changed states; ends: whether one ends the run. */
+static uint64_t indicator_count(void);
+static Status get_indicators(Instance *, double *values);
+static Status handle_events(Instance *, bool *changed, bool *ends);
+static Status look_ahead(Instance *);
+static Status look_at_step_end(Instance *, bool *crossed);
+static Status anticipate(Instance *); /* an event as of now, if indicators have crossed since they were looked at last */
+static Status worse(Status, Status);
+/* Model Exchange: whether discrete outputs have changed since, or an indicator has crossed: an event. */
 static Status complete_step(Instance *, bool *event);
 /* Model Exchange: the time of the next sample instant; false if there is none. */
 static bool next_event(Instance *, double *time);

@@ -24,7 +24,7 @@ typedef struct {
 typedef enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT64, BOOLEAN } Type;
 
 /* What must have been computed before a variable can be read. */
-typedef enum { NOTHING, CALCULATED, EVALUATED, DIFFERENTIATED } Need;
+typedef enum { NOTHING, CALCULATED, EVALUATED, DIFFERENTIATED, INDICATED } Need;
 
 /* A variable: `count` elements side by side. settable: the phases in which it may be set (see instance.h). */
 typedef struct {
@@ -116,5 +116,6 @@ static const Model model;
 
 KERNEL int32_t engine_run(double step, uint8_t *base, int64_t *control);
 KERNEL int32_t engine_execute(double time, uint8_t *base, int64_t *control);
+KERNEL int32_t engine_begin(double time, uint8_t *base, int64_t *control);
 
 #endif

@@ -92,6 +92,8 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Cert
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
     print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
+    if outcome.termination:
+        screen.say(outcome.termination.message)
     if outcome.stepping:
         screen.say(str(outcome.stepping))
     if outcome.inner_steps:
