@@ -41,7 +41,8 @@ class Declaration:
     (its end), ``step`` (from one communication point to the next), ``events`` (those of the step that ends now begin,
     before outputs are evaluated), ``settle`` (they end, with the inputs of this communication point) and ``times`` (the
     next one that is known). They may be `sampled`: what they give changes at communication points only. Some take steps
-    of one size only (`rigid`), or may stop within a step at an event (`early`).
+    of one size only (`rigid`), or may stop within a step at an event (`early`), or goes on with its inputs in a step
+    as they are extrapolated (`interpolates`).
 
     home: the class itself. mistakes: all that contradicts itself in the class, except inside its functions. elsewhere:
     what became of names that a foreign block has and this does not.
@@ -59,6 +60,7 @@ class Declaration:
     sampled: bool = False
     rigid: bool = False
     early: bool = False
+    interpolates: bool = False
     most_instances: int | None = None
     home: type | None = None
     mistakes: tuple[CosimError, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -37,7 +37,8 @@ class LoopWords:
     ending: the address of the word that ends the run, see `cosim.master.tables`. again: of the word that asks for
     another evaluation of outputs. next_event: of the time (s) of the next time event that anybody knows of. left: of
     whether what is evaluated lies before the events of its time. early: of the time (s) of the first event at which
-    anybody stops within a step, which is then done anew; 0 where none can be.
+    anybody stops within a step, which is then done anew; 0 where none can be. histories: of inputs that go on in a
+    step, where `cosim.master.histories` has what wires brought.
     """
 
     step: int
@@ -46,6 +47,7 @@ class LoopWords:
     next_event: int
     left: int
     early: int
+    histories: Mapping[str, int]
 
 
 class Trace(Protocol):

@@ -89,9 +89,11 @@ class Simulation:
         wanted = {s.variable for s in looked_at if s.component == component.name}
         calls = [call for call in self.program.calls if call.component == component.name]
         assert component.declaration.foreign
-        return component.declaration.foreign.parts(component, calls, self.arena, self._loop(), wanted, self._zeros)
+        return component.declaration.foreign.parts(
+            component, calls, self.arena, self._loop(component), wanted, self._zeros
+        )
 
-    def _loop(self) -> LoopWords:
+    def _loop(self, component: Component) -> LoopWords:
         """What foreign blocks are told of the loop."""
         words = {w: self.control.ctypes.data + 8 * w for w in _TOLD}
         return LoopWords(
@@ -101,6 +103,11 @@ class Simulation:
             next_event=words[tables.NEXT_EVENT],
             left=words[tables.LEFT],
             early=words[tables.EARLY] if self.program.attempts.rollback else 0,
+            histories={
+                port: self.program.layout.histories[Signal(component.name, port)]
+                for port, coupling in component.couplings.items()
+                if coupling.order or coupling.interpolated
+            },
         )
 
     # ---- running ----

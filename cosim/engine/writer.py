@@ -99,6 +99,12 @@ class Writer:
         for function in component.declaration.kind(kind):
             self.call(component, function, clock=clock)
 
+    def step(self, component: Component) -> None:
+        """A foreign block's step, with its inputs as they are at its begin."""
+        if component.declaration.kind("step"):
+            self.recall(component)
+            self.call_kind(component, "step")
+
     def start(self, task: Task | Loop) -> None:
         """Evaluate for the first time; a start value that the diagram gives wins over a computed one."""
         self.tasks([task], first=True)

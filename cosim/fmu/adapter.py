@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from cosim.fmu.curves import set_derivatives
 from cosim.fmu.event_mode import (
     communication_step,
     enter_event_mode,
@@ -238,6 +239,8 @@ def do_step(time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: 
         return True
     if r[ENDS] != 0:
         return give_up(link, TERMINATED, 0)
+    if set_derivatives(base, link, plan, f, r, info, k):
+        return True
     step = communication_step(f)
     if link[VERSION] == 3:
         return do_step_3(time, step, link, f, r, info)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cosim.authoring.foreign import LoopWords
 from cosim.compiling.frame import frame_of
-from cosim.fmu import c_library, fields
+from cosim.fmu import c_library, curves, fields
 from cosim.fmu.binary import Binary
 from cosim.machine.memory import own
 
@@ -49,6 +49,7 @@ class AdapterTables:
         self._keep: list[Any] = []
         self._rows: dict[int, list[str]] = {}
         self._shadows: dict[str, np.ndarray] = {}
+        self._histories: Mapping[str, int] = {}
         self._kept: list[np.ndarray] = []  # what belongs to a state that is kept
 
     def _array(self, *shape: int) -> np.ndarray:
@@ -75,6 +76,7 @@ class AdapterTables:
         link[fields.ENDING], link[fields.AGAIN] = loop.ending, loop.again
         link[fields.NEXT_EVENT], link[fields.EARLY], link[fields.LEFT] = loop.next_event, loop.early, loop.left
         link.view(np.float64)[fields.START_TIME] = fmu.settings.start_time
+        self._histories = loop.histories
         self._functions(link)
         link[fields.SNAPSHOTS] = self._array(len(self._handles)).ctypes.data
         self._kept.append(link[fields.ENDED : fields.ENDED + 1])
@@ -111,6 +113,8 @@ class AdapterTables:
         plan[fields.TASK] = self._task(function, outputs)
         plan[fields.INPUTS], plan[fields.N_INPUTS] = self._row_table(inputs, slots, "Set")
         plan[fields.OUTPUTS], plan[fields.N_OUTPUTS] = self._row_table(outputs, slots, "Get")
+        if function.kind == "step":
+            plan[fields.PLAN_CURVES] = self._curves([n for n in inputs if n in self._histories], slots)
         if states and states <= slots.keys():
             plan[fields.STATE_MAP] = self._map(slots, "")
         if function.kind == "indicators":
@@ -141,6 +145,32 @@ class AdapterTables:
         kind = self._fmu.kind
         steps = kind != fields.MODEL_EXCHANGE or self._fmu.states
         return _OUTPUT_TASKS[kind] if outputs or not steps else fields.NOTHING
+
+    def _curves(self, names: Sequence[str], slots: Mapping[str, int]) -> int:
+        """The table of how inputs go on in a step; 0: none does."""
+        if not names:
+            return 0
+        rows, references, orders = self._array(len(names), fields.CURVE_WORDS), list[int](), list[int]()
+        for row, name in zip(rows, names, strict=True):
+            coupling, port = self._component.couplings[name], self._fmu.ports[name]
+            order, width = coupling.order + int(coupling.interpolated), self._component.count * port.size
+            weights = curves.matrix(order)
+            self._keep.append(weights)
+            row[fields.CURVE_SLOT], row[fields.CURVE_HISTORY], row[fields.CURVE_ORDER] = (
+                slots[name],
+                self._histories[name],
+                order,
+            )
+            row[fields.CURVE_ELEMENTS], row[fields.CURVE_WIDTH] = port.size, width
+            row[fields.CURVE_POINTS] = self._array((order + 1) * width).ctypes.data
+            row[fields.CURVE_MATRIX] = weights.ctypes.data
+            references += [reference for reference in port.references for _ in range(order)]
+            orders += [*range(1, order + 1)] * port.size
+        told = np.array(references, np.uint32), np.array(orders, np.int32), np.zeros(len(orders))
+        self._keep += told
+        table = self._array(fields.CURVES_WORDS)
+        table[:] = rows.ctypes.data, len(rows), *(array.ctypes.data for array in told), len(orders)
+        return table.ctypes.data
 
     def _map(self, slots: Mapping[str, int], prefix: str) -> int:
         places = self._array(len(self._fmu.states), 2)

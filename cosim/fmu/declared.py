@@ -50,6 +50,7 @@ def declaration(fmu: Fmu, entry: BlockEntry) -> Declaration:
         variables=variables,
         sampled=_samples(fmu) and not _computed(fmu, "continuous"),
         rigid=fmu.kind != fields.MODEL_EXCHANGE and _is_rigid(fmu),
+        interpolates=fmu.kind == fields.CO_SIMULATION and bool(getattr(fmu.interface, "canInterpolateInputs", False)),
         early=fmu.kind == fields.EVENT_CO_SIMULATION and bool(fmu.interface.mightReturnEarlyFromDoStep),
         most_instances=_most_instances(fmu),
     )

@@ -61,8 +61,9 @@ LINK_WORDS = 56
     N_KEPT,
     NEXT_EVENT,  # the address of the time (s) of the next time event that anybody knows of, by the loop's clock
     LEFT,  # the address of whether outputs are wanted as they are before the events of their time
+    SET_INPUT_DERIVATIVES,
     EARLY,  # the address of the time (s) at which the first has stopped within a step; 0 where none may
-) = range(45)
+) = range(46)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 
@@ -92,8 +93,18 @@ RUNNING, EVENT = range(2)
 INFO_REAL = 24  # bytes from INFO to the number in it
 
 # What one call exchanges. The maps give (slot, element) for each state in the FMU's order.
-PLAN_WORDS = 10
+PLAN_WORDS = 11
 FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK, INDICATOR_SLOT = range(10)
+PLAN_CURVES = 10  # the address of a table of how inputs go on in a step, 0: they are held
+
+# How inputs go on: a table of inputs, and what a call is given of all: value references, orders and derivatives.
+CURVES_WORDS = 6
+CURVES, N_CURVES, CURVE_REFERENCES, ORDERS, VALUES, N_DERIVATIVES = range(CURVES_WORDS)
+
+# One input: its slot, history, the highest order, how many elements it has and words all instances have, where it is
+# put as it is at several times, and the matrix that makes derivatives of that.
+CURVE_WORDS = 7
+CURVE_SLOT, CURVE_HISTORY, CURVE_ORDER, CURVE_ELEMENTS, CURVE_WIDTH, CURVE_POINTS, CURVE_MATRIX = range(CURVE_WORDS)
 
 # One call of a getter or a setter: its value references, how many values, and the variables whose values they are, one
 # after the other in a buffer (0: those of one variable, as they lie in the arena). DISCRETE: all with shadows.

@@ -44,6 +44,7 @@ class Fmi2(fmi.Version):
         fields.CO_SIMULATION: {
             fields.BOOLEAN_STATUS: "GetBooleanStatus",
             fields.REAL_STATUS: "GetRealStatus",
+            fields.SET_INPUT_DERIVATIVES: "SetRealInputDerivatives",
             **fmi.states("GetFMUstate", "SetFMUstate"),
         },
         fields.MODEL_EXCHANGE: fmi.states("GetFMUstate", "SetFMUstate"),

@@ -66,9 +66,10 @@ def _held(draft: Draft, component: Component, port: str) -> str:
     sampled = [s for s, there in sources if there.is_sampled]
     if draft.diagram.run.method == "joint":
         return "under `joint` it is evaluated anew at every stage"
-    if component.declaration.foreign:
-        return "an FMU holds its inputs over a step"
-    if not component.declaration.continuous() or component.integration.is_one_euler_step:
+    foreign, interpolates = component.declaration.foreign, component.declaration.interpolates
+    if foreign and not interpolates:
+        return "this FMU holds its inputs over a step (`canInterpolateInputs` of FMI 2's Co-Simulation is missing)"
+    if not foreign and (not component.declaration.continuous() or component.integration.is_one_euler_step):
         return f"{component.name} reads its inputs at communication points only"
     if component.samples_inputs:
         return f"{component.name} samples its inputs"

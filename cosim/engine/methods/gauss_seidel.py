@@ -29,7 +29,7 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
         writer.tasks(order.continuous(writer.network, turn.before), at_end=True)
         for port in turn.newest:
             writer.remember(component, port, at_end=True)
-        writer.call_kind(component, "step")
+        writer.step(component)
         if turn.component in banks:
             _integrate(writer, component, banks[turn.component])
         writer.recall(component, at_end=True)

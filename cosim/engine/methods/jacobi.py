@@ -27,7 +27,7 @@ def advance(writer: Writer, _tasks: Sequence[Task | Loop]) -> None:
     banks = _at_once(writer, continuous) if single else [_bank(writer, component) for component in continuous]
     begin = writer.begin()
     for component in filter(has_turn, components):
-        writer.call_kind(component, "step")
+        writer.step(component)
     for bank in banks:
         writer.integrate(bank)
     if not single:
