@@ -110,10 +110,14 @@ def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> Bloc
 
 def restless(program: Program, time: float) -> BlockFailed:
     """The error for events of which one followed another without end, in the step after a time (s)."""
-    names = [component.name for component in program.network.watched]
-    message = f"block {', '.join(names)}: events follow each other without end after t = {time:g} s"
+    network = program.network
+    eventful = network.watched or [c for c in network.components.values() if c.declaration.kind("times")]
+    names = ", ".join(component.name for component in eventful)
+    message = f"block {names}: events follow each other without end after t = {time:g} s"
     fix = "reset what the indicator is computed from, so that it does not cross zero again at once"
-    return BlockFailed(message, program.network.components[names[0]].entry.position, fix)
+    if not network.watched:
+        fix = "choose a smaller run.step, which has fewer events, or look at what the FMU says of its next one"
+    return BlockFailed(message, eventful[0].entry.position, fix)
 
 
 def indivisible(program: Program, event: float) -> BlockFailed:

@@ -33,6 +33,7 @@ from cosim.fmu.event_mode import (
 from cosim.fmu.exchange import begin_events, differentiate, end_events, prepare, pull_states
 from cosim.fmu.fields import (
     ADVANCE,
+    AGAIN,
     BEGIN_EVENTS,
     BOOLEAN_STATUS,
     CLOCK,
@@ -178,6 +179,8 @@ def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: A
         reals_of(info)[CLOCK] = time
         if r[EVENT_DUE] != 0 and words_at(link[LEFT], 1)[0] != 0:
             return look_before_event(base, link, plan, f, r, k)
+        if r[EVENT_DUE] != 0:
+            words_at(link[AGAIN], 1)[0] = 1
         if enter_event_mode(link, r, info) or set_inputs(base, link, plan, f, r, k):
             return True
         return (plan[SETTLES] != 0 and settle(link, r, info)) or get_outputs(base, link, plan, f, r, k)

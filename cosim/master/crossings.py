@@ -186,10 +186,15 @@ def happen(c: Any, base: int, time: float) -> int:
             return status
         if not has_crossed(c, base):
             note(c, base, WAS)
-            for j in range(c[N_HISTORIES]):
-                forget(base, words_at(base + c[HISTORIES] + j * 8, 1)[0])
+            forget_all(c, base)
             return perform(c, base, KEEP, KEEP, time)
     return RESTLESS
+
+
+def forget_all(c: Any, base: int) -> None:
+    """Begin all histories anew, as what wires bring may have jumped."""
+    for j in range(c[N_HISTORIES]):
+        forget(base, words_at(base + c[HISTORIES] + j * 8, 1)[0])
 
 
 def strike_crossed(c: Any, base: int) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from cosim.machine.memory import integers_at, load, reals_at, words_at
 from cosim.master.attempts import attempt
-from cosim.master.crossings import anticipate
+from cosim.master.crossings import anticipate, forget_all
 from cosim.master.rows import operate
 from cosim.master.stepping import advance, next_point, perform, strike, time_at
 from cosim.master.tables import (
@@ -131,6 +131,7 @@ def reach(c: Any, base: int, k: int, time: float) -> int:
     status = perform(c, base, PUBLISH, SETTLE, time)
     if status <= WARNING and c[AGAIN] != 0:
         c[AGAIN] = 0
+        forget_all(c, base)
         status = perform(c, base, EVALUATE, SETTLE, time)
     if status > WARNING:
         return status

@@ -164,3 +164,24 @@ blocks:
             "    def indicators(time, z):\n        z[0] = time - 1.0\n\n    def event(z):\n        pass\n"
         )
         Run(run.load(tmp_path / "d.yaml")).execute()
+
+
+@pytest.mark.parametrize("kind", [(3, "returns"), "exchange"])
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("method", METHODS)
+def test_nothing_is_extrapolated_across_an_event_at_a_communication_point(stairs, tmp_path, method, order, kind):
+    """Every second communication point has an event, where y jumps; between them it is constant."""
+    fmu = stairs[kind] if kind in stairs else stair.build(tmp_path / "me", 3, 1, "me", stair.KEEPING[3])
+    text = f"""
+run: {{stop: 2.8, step: 0.35, method: {method}, extrapolation: {order}, integrator: rk4}}
+blocks:
+  plant: {{fmu: {fmu}, parameters: {{period: 0.7}}}}
+  sum: {{python: {PARTNERS}:Sum, inputs: {{u: plant.y}}}}
+record: {{signals: [sum.x, plant.x]}}
+"""
+    (tmp_path / "d.yaml").write_text(text)
+    outcome = Run(run.load(tmp_path / "d.yaml"), output=tmp_path / "d.nc").execute()
+    assert outcome.status == "completed", outcome.error
+    with result_file.open_result(tmp_path / "d.nc") as result:
+        assert result["sum.x"] == pytest.approx(integral(result.times), abs=1e-12)
+        assert result["plant.x"] == pytest.approx(integral(result.times), abs=1e-12)

@@ -242,3 +242,10 @@ def test_implicit_integrators_and_tolerances_stop_at_time_events_too(
     for robot, period in enumerate((1, 0.7)):
         assert np.array_equal(got["plant.counter"][:, robot], counted(times, period))
         assert got["plant.x"][:, robot] == pytest.approx(integral(times, period, 0.25), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_time_events_without_end_are_an_error(diagram, version):
+    outcome = Run(run.load(diagram(version, 1, step=3), ["blocks.plant.parameters.period=1e-5"])).execute()
+    assert outcome.status == "failed" and "block plant: events follow each other without end" in outcome.error.message
+    assert "run.step" in outcome.error.fix
