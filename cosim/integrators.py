@@ -14,6 +14,7 @@ It ends at the states of its last stage and the last increment u_s, which estima
 from __future__ import annotations
 
 import math
+from collections import ChainMap
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -115,6 +116,29 @@ class Rosenbrock:
         return words
 
 
+@dataclass(frozen=True)
+class ScipyMethod:
+    """A method of scipy's, which shares no code with ours, and integrates all states of a diagram as one system.
+
+    solver: a class of `scipy.integrate`. order, is_implicit: as of a Tableau; the highest that it takes.
+    """
+
+    solver: str
+    order: int
+    is_implicit: bool
+    source: str = ""
+    count: ClassVar = 0
+    estimates: ClassVar = True
+    ends_with_slope: ClassVar = False
+
+    def words(self) -> list[float]:
+        """Nothing that the loop reads."""
+        return []
+
+
+Method = Tableau | Rosenbrock | ScipyMethod
+
+
 def _words(node: float, denominator: int, numerators: tuple[float, ...], count: int) -> list[float]:
     return [*map(float, (node, denominator, *numerators)), *[0.0] * (count - len(numerators))]
 
@@ -133,9 +157,9 @@ class Integration:
     absolute_tolerance: float | None = None
 
     @property
-    def method(self) -> Tableau | Rosenbrock:
-        """The integrator's coefficients."""
-        return INTEGRATORS[self.integrator]
+    def method(self) -> Method:
+        """The integrator's coefficients, or what does without."""
+        return KNOWN[self.integrator]
 
     @property
     def tolerances(self) -> tuple[float, float]:
@@ -157,7 +181,7 @@ class Integration:
 #: What several of their last stages have in common.
 _RODAS4 = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950)
 _RODAS5P = (-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946)
-INTEGRATORS: dict[str, Tableau | Rosenbrock] = {
+INTEGRATORS: dict[str, Method] = {
     "euler": Tableau(1, (), Row(1, 1, (1,)), source="Euler 1768"),
     "heun": Tableau(2, (Row(1, 1, (1,)),), Row(1, 2, (1, 1)), Row(1, 1, (1, 0)), "Heun 1900"),
     "ralston": Tableau(2, (Row(2 / 3, 3, (2,)),), Row(1, 4, (1, 3)), source="Ralston 1962"),
@@ -263,3 +287,13 @@ INTEGRATORS: dict[str, Tableau | Rosenbrock] = {
         "Steinebach 2023",
     ),
 }
+#: scipy's methods, by the names that diagrams have for them.
+REFERENCES: dict[str, Method] = {
+    "lsoda": ScipyMethod("LSODA", 12, True, "Petzold 1983"),
+    "radau": ScipyMethod("Radau", 5, True, "Hairer and Wanner 1996"),
+    "bdf": ScipyMethod("BDF", 5, True, "Shampine and Reichelt 1997"),
+    "rk45": ScipyMethod("RK45", 5, False, "Dormand and Prince 1980"),
+    "dop853": ScipyMethod("DOP853", 8, False, "Hairer, Nørsett and Wanner 1993"),
+}
+#: What a diagram may name, also what is added to either later.
+KNOWN: ChainMap[str, Method] = ChainMap(REFERENCES, INTEGRATORS)

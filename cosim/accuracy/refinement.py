@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cosim.integrators import INTEGRATORS
+from cosim.integrators import INTEGRATORS, KNOWN
 from cosim.language.keys import MOST_INNER_STEPS
 from cosim.language.reader import multiple
 from cosim.wiring.network import Component, Network
@@ -118,7 +118,7 @@ def highest_order(network: Network) -> int:
         if run.method == "joint"
         else [c.integration.integrator for c in components if c.declaration.continuous()]
     )
-    return max((INTEGRATORS[name].order for name in used), default=1)
+    return max((KNOWN[name].order for name in used), default=1)
 
 
 def sampled_by_the_step(network: Network) -> dict[str, str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from cosim.engine.layout import Layout
 from cosim.engine.writer import Range, Writer
-from cosim.integrators import Integration
+from cosim.integrators import Integration, ScipyMethod
 from cosim.master import tables
 from cosim.wiring.network import Component
 
@@ -40,7 +40,7 @@ def new_bank(
     row[tables.TOLERANCES] = writer.layout.constant(np.array(integration.tolerances))
     row[tables.ESTIMATED], row[tables.HANDS_ON] = method.order, int(method.ends_with_slope)
     row[tables.MEMORY] = writer.layout.memory + 8 * tables.MEMORY_WORDS * len(writer.banks)
-    if method.is_implicit:
+    if method.is_implicit and not isinstance(method, ScipyMethod):
         row[tables.IMPLICIT] = _equations(writer, components, inner, apart)
     writer.banks.append([*row.values()])
     return len(writer.banks) - 1

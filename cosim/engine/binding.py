@@ -15,7 +15,7 @@ from cosim.engine import interpretation
 from cosim.engine.probes import Buffers
 from cosim.engine.program import Program
 from cosim.machine import memory
-from cosim.master import loop, tables
+from cosim.master import integration, loop, tables
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 _handles = count(1)
@@ -42,18 +42,21 @@ class Binding:
         self._control = control
         self._texts = zeros(interpretation.TEXT_BYTES)
         self._keep: list[Any] = []  # what the loop finds by its address alone
-        calls = range(len(program.calls))
+        self._interpreted = kernels is None
+        self._handles: list[int] = []
+        weakref.finalize(self, _forget, self._handles)
         self.commands: dict[str, Callable[..., int]]
+        derive: Callable[..., int]
         if kernels is None:
-            self._functions = [next(_handles) for _ in calls]
-            memory.interpreted.update((handle, self._python(n)) for n, handle in enumerate(self._functions))
-            weakref.finalize(self, _forget, self._functions)
-            self.commands = {"run": loop.run, "execute": loop.execute}
+            self._functions = [self._handed(self._python(n)) for n in range(len(program.calls))]
+            self.commands, derive = {"run": loop.run, "execute": loop.execute}, integration.derive
         else:
-            self._functions = [self._address(kernels, n) for n in calls]
+            self._functions = [self._address(kernels, n) for n in range(len(program.calls))]
             assert kernels.loop is not None
             compiled = kernels.loop.load()
             self.commands = {name: KERNEL(compiled.address(name)) for name in ("run", "execute")}
+            derive = KERNEL(compiled.address("derive"))
+        self._solver = self._reference(derive) if program.reference else 0
 
     def _address(self, kernels: Kernels, n: int) -> int:
         call = self._program.calls[n]
@@ -61,10 +64,26 @@ class Binding:
         if module is not None:
             foreign = self._program.network.components[call.component].declaration.foreign
             return module.load().address(foreign.kernel.__name__ if foreign else call.function.name)
-        python = self._python(n)
+        return self._handed(self._python(n))
+
+    def _handed(self, python: Callable[[float], int]) -> int:
+        """By what the loop calls a Python function of a time (s)."""
+        if self._interpreted:
+            handle = next(_handles)
+            memory.interpreted[handle] = python
+            self._handles.append(handle)
+            return handle
         thunk = KERNEL(lambda time, base, frame: python(time))
         self._keep.append(thunk)
         return ctypes.cast(thunk, ctypes.c_void_p).value or 0
+
+    def _reference(self, derive: Callable[..., int]) -> int:
+        """By what the loop has scipy integrate all states."""
+        from cosim.engine.reference import ReferenceSolver  # with scipy, only where it is named
+
+        base, control = self._arena.ctypes.data, self._control.ctypes.data
+        solver = ReferenceSolver(self._program, self._arena, self._control, lambda time: derive(time, base, control))
+        return self._handed(solver)
 
     def _python(self, n: int) -> Callable[[float], int]:
         """The n-th call as plain Python."""
@@ -89,7 +108,7 @@ class Binding:
         ):
             control[word] = array.ctypes.data
             self._keep.append(array)
-        control[tables.N_GROUPS] = len(buffers.groups)
+        control[tables.N_GROUPS], control[tables.SOLVER] = len(buffers.groups), self._solver
 
 
 def _forget(handles: Sequence[int]) -> None:

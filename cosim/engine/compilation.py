@@ -8,7 +8,7 @@ from cosim.compiling import kernels
 from cosim.compiling.kernels import Kernels
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
-from cosim.master import loop
+from cosim.master import integration, loop
 from cosim.wiring.network import Component
 
 
@@ -19,7 +19,7 @@ def compile_program(program: Program) -> Kernels:
     """
     made: dict[tuple[Any, ...], kernels.Module | None] = {}
     problems = Problems()
-    result = Kernels(loop=kernels.raw_module("engine", (loop.run, loop.execute)))
+    result = Kernels(loop=kernels.raw_module("engine", (loop.run, loop.execute, integration.derive)))
     for name, component in program.network.components.items():
         foreign = component.declaration.foreign
         if foreign:

@@ -51,6 +51,11 @@ def stalled(program: Program, arena: np.ndarray, offset: int) -> CosimError:
     name = _named(component, variable, element)
     member = f" of {component.fleet} {instance + 1}" if component.fleet else ""
     state = f"block {signal.component}: state `{name}`{member}"
+    if np.isnan(step):
+        integrator = program.network.diagram.run.integrator
+        message = f"{state} has a derivative that is not finite at t = {time:.15g} s, where `{integrator}` tries a step"
+        fix = "look for a pole, or a root or logarithm of what is below zero; rodas5p would try a smaller step"
+        return BlockFailed(message, component.entry.position, fix)
     if step >= integration.SMALLEST * abs(time):
         many = f"more than {integration.MOST_STEPS} inner steps in one step of the run for its tolerance"
         fix = "choose an implicit integrator such as rodas5p, a smaller `run.step`, or a larger `tolerance`"

@@ -30,6 +30,7 @@ from cosim.engine.layout import Layout
 from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.errors import FmuError
+from cosim.integrators import ScipyMethod
 from cosim.master import newton, tables
 from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
@@ -108,6 +109,12 @@ class Program:
     def time(self, tick: int) -> float:
         """The simulated time (s) of a tick, to the bit that of the loop."""
         return tick * float(self.network.schedule.tick)
+
+    @property
+    def reference(self) -> ScipyMethod | None:
+        """The method of scipy's that integrates all states, in place of an integrator of ours."""
+        method = self.network.diagram.run.integration.method
+        return method if isinstance(method, ScipyMethod) and len(self.banks) else None
 
     def name_of(self, bank: np.ndarray) -> str:
         """The block whose states a bank has; joint, if there are several."""

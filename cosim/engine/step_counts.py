@@ -24,6 +24,8 @@ def inner_steps(program: Program, arena: np.ndarray) -> dict[str, dict[str, int]
     for bank in program.banks:
         if bank[tables.CONTROLLED]:
             memory = arena[bank[tables.MEMORY] :][: 8 * tables.MEMORY_WORDS].view(np.int64)
-            counts = {"taken": int(memory[tables.TAKEN]), "rejected": int(memory[tables.REJECTED])}
+            counts = {"taken": int(memory[tables.TAKEN])}
+            if not program.reference:  # which does not tell
+                counts["rejected"] = int(memory[tables.REJECTED])
             found[program.name_of(bank)] = counts
     return found

@@ -10,6 +10,7 @@ import numpy as np
 from cosim.engine import program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, DiagramErrors, NotExportable, UnknownBlock, WrongValue, nearest
+from cosim.integrators import REFERENCES
 from cosim.wiring import order
 from cosim.wiring.network import Component, Network, Signal
 
@@ -71,6 +72,10 @@ def _checked(network: Network, blocks: Sequence[str]) -> list[str]:
         if name not in network.components:
             message = f"the diagram has no block `{name}` to export"
             raise UnknownBlock(message, fix=nearest(name, network.components))
+    run = network.diagram.run
+    if run.integrator in REFERENCES:
+        message = f"`{run.integrator}` is scipy's, which an FMU cannot hold"
+        raise NotExportable(message, run.nodes["integrator"].place, "choose an integrator of ours, such as rodas5p")
     names = [name for name in network.components if name in blocks or not blocks]
     for name in names:
         component = network.components[name]

@@ -22,7 +22,7 @@ from cosim.errors import (
     WrongType,
     WrongValue,
 )
-from cosim.integrators import Integration
+from cosim.integrators import REFERENCES, Integration
 from cosim.language import grammar, source
 from cosim.language.embedding import Unfolded, unfold
 from cosim.language.entry import BlockEntry
@@ -253,6 +253,8 @@ def _run(tree: Node, reader: Reader) -> RunSettings:
 
 def _check_integration(run: RunSettings, blocks: Iterable[BlockEntry], reader: Reader) -> None:
     """Report settings of the integration that contradict each other."""
+    if run.integrator in REFERENCES:
+        _check_reference(run, reader)
     if run.tolerance is not None and run.inner_steps > 1:
         said = "`run.inner_steps` is how many equal steps there are, `run.tolerance` makes them as long as it allows"
         reader.wrong(run.nodes["inner_steps"], said, "remove one of them", WrongValue)
@@ -260,6 +262,20 @@ def _check_integration(run: RunSettings, blocks: Iterable[BlockEntry], reader: R
     if run.absolute_tolerance is not None and not tolerant:
         said = "`run.absolute_tolerance` does nothing without a tolerance"
         reader.wrong(run.nodes["absolute_tolerance"], said, "add `tolerance`, such as 1e-6", WrongValue)
+
+
+def _check_reference(run: RunSettings, reader: Reader) -> None:
+    """Report a run in which a method of scipy's has no place."""
+    node, name = run.nodes["integrator"], run.integrator
+    if run.method != "joint":
+        said = f"`{name}` is scipy's, which integrates all blocks as one system; under `{run.method}` each steps alone"
+        reader.wrong(node, said, "choose run.method: joint, or an integrator of ours such as rodas5p", WrongValue)
+    elif run.tolerance is None and run.inner_steps == 1:
+        said = f"`{name}` is scipy's, which chooses its steps by a tolerance, and there is none"
+        reader.wrong(node, said, "write run.tolerance too, such as 1.0e-8", WrongValue)
+    elif run.tolerance is None:
+        said = f"`{name}` is scipy's, which chooses its steps by a tolerance, so it takes no `run.inner_steps`"
+        reader.wrong(run.nodes["inner_steps"], said, "write run.tolerance instead, such as 1.0e-8", WrongValue)
 
 
 def _is_multiple(node: Node, name: str, value: float, step: float, reader: Reader) -> bool:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cosim.errors import WrongType, WrongValue
-from cosim.integrators import INTEGRATORS
+from cosim.integrators import KNOWN
 from cosim.language.reader import MOST, Reader
 from cosim.language.source import Node, describe
 
@@ -190,7 +190,7 @@ BLOCK: dict[str, Key] = {
     "dimensions": Key("sizes, by dimension", below={ANY: Key("", SIZE)}),
     "period": Key("how often it is due; between, its outputs are held", POSITIVE, unit="s", kinds=NATIVE),
     "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=NATIVE),
-    "integrator": Key("its own integrator; none: that of the run", choice(INTEGRATORS), kinds=NATIVE),
+    "integrator": Key("its own integrator; none: that of the run", choice(KNOWN), kinds=NATIVE),
     "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
     "tolerance": Key("of inner steps, and inside an FMU; none: that of the run", TOLERANCE, kinds=NATIVE),
     "absolute_tolerance": Key("as that of the run", POSITIVE, kinds=NATIVE),
@@ -213,7 +213,7 @@ RUN: dict[str, Key] = {
     "smallest_step": Key("the smallest communication step; none: step / 1024", POSITIVE, unit="s"),
     "rollback": Key("whether a step that a tolerance finds too long is done anew", TRUTH, True),
     "extrapolation": Key("order of what blocks read between two communication points", EXTRAPOLATION, 0),
-    "integrator": Key("of continuous states", choice(INTEGRATORS), "euler"),
+    "integrator": Key("of continuous states; lsoda to dop853: scipy's", choice(KNOWN), "euler"),
     "inner_steps": Key("in how many steps of theirs a step is integrated", count(MOST_INNER_STEPS), 1),
     "tolerance": Key(
         "of the error of an inner step over a state's size, which sets that step; none: equal ones", TOLERANCE

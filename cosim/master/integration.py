@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.machine.memory import reals_at, words_at
+from cosim.machine.memory import call, reals_at, words_at
 from cosim.master.linear import HUGE
 from cosim.master.rosenbrock import linearize, rosenbrock_step, slope_at_begin
 from cosim.master.rows import differentiate, operate
@@ -25,6 +25,7 @@ from cosim.master.tables import (
     BANKS,
     BEGIN,
     BEGUN,
+    CONTROL_WORDS,
     CONTROLLED,
     ELEMENT,
     ESTIMATED,
@@ -43,6 +44,7 @@ from cosim.master.tables import (
     OK,
     REACHED,
     REJECTED,
+    SOLVER,
     STAGES,
     STALLED,
     SUM,
@@ -65,6 +67,9 @@ STRETCHED = 1.01  # by so much a step may be longer than planned, to be the last
 def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
     """Integrate one bank over one communication step with its own integrator. Returns the status."""
     b = words_at(c[BANKS] + bank * BANK_WORDS * 8, BANK_WORDS)
+    if c[SOLVER] != 0:
+        reals_at(base + b[MEMORY], MEMORY_WORDS)[NEXT_STEP] = step
+        return call(c[SOLVER], begun, base, base + b[MEMORY])
     if b[CONTROLLED] != 0:
         return integrate_within_tolerance(c, base, b, begun, step)
     inner_steps = b[INNER_STEPS]
@@ -87,6 +92,13 @@ def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
             for j in range(w.size):
                 w[j] = x[j] + h * d[j]
     return OK
+
+
+def derive(time: float, base: int, control: int) -> int:
+    """The derivatives D of the states X of all blocks, as one system, at a time (s). Returns the status."""
+    c = words_at(control, CONTROL_WORDS)
+    c[INNER] += 1
+    return differentiate(c, base, words_at(c[BANKS], BANK_WORDS), time)
 
 
 def begin(c: Any, base: int, b: Any, time: float, h: float, first: bool) -> int:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from cosim.authoring.block import Block
 from cosim.authoring.variables import Period
 from cosim.errors import MissingParameter, TooManyInstances, UnknownParameter, WrongValue, nearest
-from cosim.integrators import INTEGRATORS, Integration
+from cosim.integrators import INTEGRATORS, REFERENCES, Integration
 from cosim.language.diagram import RunSettings
 from cosim.language.entry import BlockEntry
 from cosim.language.keys import INTEGRATION
@@ -139,6 +139,10 @@ def _check_integration(component: Component, key: str, node: Node, method: str) 
     if method == "joint":
         message = f"block {component.name}: `{key}` is ignored under `joint`, which integrates all blocks as one system"
         raise WrongValue(message, node.place, f"remove it, set run.{key}, or choose another run.method")
+    if key == "integrator" and node.value in REFERENCES:
+        said = f"`{node.value}` is scipy's, which integrates all blocks as one system"
+        fix = f"write it under run, with run.method: joint; or choose one of {', '.join(INTEGRATORS)}"
+        raise WrongValue(f"block {component.name}: {said}", node.place, fix)
 
 
 def _count(draft: Draft, component: Component) -> None:

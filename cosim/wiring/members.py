@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from cosim.errors import Problems, TooLarge
+from cosim.integrators import REFERENCES
 from cosim.wiring import sizes
 from cosim.wiring.network import Component, Network, Signal
 
@@ -54,7 +55,7 @@ def report_large(network: Network, problems: Problems) -> None:
     for bank in [owners] if run.method == "joint" else [[component] for component in owners]:
         if not bank or not bank[0].integration.method.is_implicit:
             continue
-        apart = run.method != "joint" or are_apart(network)
+        apart = run.method != "joint" or (are_apart(network) and run.integrator not in REFERENCES)
         members = bank[0].count if apart else 1
         states = sum(_states(component) for component in bank) // members
         whose = f"block {bank[0].name}: its" if len(bank) == 1 else "the"

@@ -97,7 +97,8 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Cert
     if outcome.stepping:
         screen.say(str(outcome.stepping))
     if outcome.inner_steps:
-        counts = [f"{name} {n['taken']} ({n['rejected']} rejected)" for name, n in outcome.inner_steps.items()]
+        rejected = {name: f" ({n['rejected']} rejected)" for name, n in outcome.inner_steps.items() if "rejected" in n}
+        counts = [f"{name} {n['taken']}{rejected.get(name, '')}" for name, n in outcome.inner_steps.items()]
         screen.print_wrapped(f"inner steps within tolerance: {', '.join(counts)}", 2)
     screen.say(f"recorded in {outcome.results}")
     for swap in outcome.swaps:
