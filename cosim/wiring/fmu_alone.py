@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cosim.authoring.declaration import Declaration
-from cosim.authoring.variables import Input, Parameter
+from cosim.authoring.variables import Indicator, Input, Parameter
 from cosim.errors import CosimError, DiagramErrors, FmuError, Position, Problems
 from cosim.fmu import importer, settings
 from cosim.fmu.description import read_description
@@ -136,7 +136,7 @@ def _with_all(tree: Node, declaration: Declaration, name: str, place: Position) 
     sections = dict(tree.value)
     record = dict(sections["record"].value) if "record" in sections else {}
     if "signals" not in record:
-        shown = [v for v in declaration.variables.values() if not isinstance(v, (Input, Parameter))]
+        shown = [v for v in declaration.variables.values() if not isinstance(v, (Input, Parameter, Indicator))]
         record["signals"] = _node([f"{name}.{v.name}" for v in shown if v.name and v.name.strip() == v.name], place)
         sections["record"] = Node(record, place)
     blocks = sections["blocks"]

@@ -12,7 +12,7 @@ import cosim
 from cosim.engine import run
 from cosim.results.result_file import open_result
 from cosim.terminal import cli
-from tests.fmu import machine, told
+from tests.fmu import ball, machine, told
 
 KINDS = {
     "2 cs": (2, "cs", ""),
@@ -205,3 +205,21 @@ def test_file_names_that_no_block_can_have(tmp_path):
 def test_a_program_may_load_one(tmp_path):
     network = cosim.load(told.build(tmp_path, 3, "cs"))
     assert cosim.Run(network).execute().status == "completed"
+
+
+@pytest.mark.parametrize("integrator", ["dormand-prince", "lsoda", "radau", "dop853"])
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_ball_in_model_exchange_bounces_under_integrators_of_both_houses(command, tmp_path, version, integrator):
+    """All but its indicator is recorded. It falls for s = sqrt(2/g), and rises with 0.7 g s."""
+    path = ball.build(tmp_path, version)
+    settings = "run.method=joint", "run.step=0.1", f"run.integrator={integrator}", "run.tolerance=1e-9"
+    code, _, err = command("run", path, "--stop", "1", *(word for s in settings for word in ("--set", s)))
+    assert code == 0, err
+    with open_result(tmp_path / "results" / f"ball{version}.nc") as result:
+        assert {name.partition(".")[2] for name in result.signals} >= {"h", "v", "bounces"}
+        h, bounces = result.read(f"ball{version}.h"), result.read(f"ball{version}.bounces")
+    fall = (2.0 / 9.81) ** 0.5
+    since = 1.0 - fall
+    assert bounces[-1] == 1
+    assert h[4] == pytest.approx(1.0 - 0.5 * 9.81 * 0.4**2, abs=1e-7)
+    assert h[-1] == pytest.approx(0.7 * 9.81 * fall * since - 0.5 * 9.81 * since**2, abs=1e-6)
