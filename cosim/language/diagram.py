@@ -39,7 +39,8 @@ __all__ = ["BlockEntry", "Diagram", "MetricEntry", "Record", "RunSettings", "loa
 class RunSettings:
     """How long (s), in what steps (s) and by what method a diagram runs; `nodes` has what YAML says of each.
 
-    patience: for how long (s of wall-clock time) a call of an FMU may give no sign of life.
+    order: the blocks whose turns come first. patience: for how long (s of wall-clock time) a call of an FMU may give no
+    sign of life.
     """
 
     stop: float
@@ -53,6 +54,7 @@ class RunSettings:
     inner_steps: int
     tolerance: float | None
     absolute_tolerance: float | None
+    order: tuple[str, ...]
     patience: float
     nodes: dict[str, Node]
 

@@ -163,10 +163,25 @@ def _is_data(reader: Reader, node: Node, where: str) -> bool:
     return True
 
 
+def _order(reader: Reader, node: Node, where: str, _: Any) -> tuple[str, ...]:
+    """A list of names, each once."""
+    if not isinstance(node.value, list):
+        reader.wrong(node, f"`{where}` must be a list of blocks, not {describe(node)}", "such as [plant, observer]")
+        return ()
+    names: dict[str, None] = {}
+    for child in node.value:
+        name = reader.text(child, where)
+        if name in names:
+            reader.wrong(child, f"`{where}` names `{name}` twice", "write it once", WrongValue)
+        names[name] = None
+    return tuple(filter(None, names))
+
+
 SIZE = Type(_size, "whole number from 1")
 SOURCES = Type(_sources, "block.port, or a list of such")
 LOG = Type(_log, f"{' | '.join(LOGS)}, or a list of its categories")
 VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for x_1, x_2, x_3")
+ORDER = Type(_order, "list of blocks")
 DATA = Type(_data, "number, text, or lists of them")
 NAMED = {ANY: Key("", ANYTHING)}
 
@@ -219,6 +234,7 @@ RUN: dict[str, Key] = {
         "of the error of an inner step over a state's size, which sets that step; none: equal ones", TOLERANCE
     ),
     "absolute_tolerance": Key("added to it, in the state's unit; none: a thousandth of it", POSITIVE),
+    "order": Key("under gauss-seidel, the blocks whose turns come first, in this order", ORDER, ()),
     "patience": Key("how long a call of an FMU may give no sign of life", POSITIVE, 10.0, unit="s"),
 }
 INTEGRATION = ("integrator", "inner_steps", "tolerance", "absolute_tolerance")

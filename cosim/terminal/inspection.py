@@ -44,6 +44,8 @@ def print_network(network: Network) -> None:
     print_wrapped(f"evaluated in this order: {', '.join(overview.order)}", 2)
     if due := [f"{part.name} {part.due}" for part in overview.parts if part.due]:
         print_wrapped(f"sampled, and held between: {', '.join(due)}", 2)
+    if overview.turns:
+        print_wrapped(f"turns are taken in this order: {', '.join(overview.turns)}", 2)
     for torn, tasks in overview.loops.items():
         print_wrapped(f"an algebraic loop, solved for {torn}: {', '.join(tasks)}", 2)
     _print_conditions(overview)

@@ -14,9 +14,10 @@ from graphlib import TopologicalSorter
 
 from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Input, Output, State
-from cosim.errors import Problems
+from cosim.errors import Problems, WrongValue
 from cosim.wiring import loops
 from cosim.wiring.clocks import Clock
+from cosim.wiring.draft import Draft
 from cosim.wiring.loops import Graph
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
 from cosim.wiring.sequence import sequence
@@ -88,6 +89,26 @@ def has_turn(component: Component) -> bool:
         bool(component.declaration.continuous() or component.declaration.kind("step"))
         and not component.declaration.sampled
     )
+
+
+def check_given(draft: Draft) -> None:
+    """What `run.order` names are blocks with a turn, and the method has turns."""
+    run = draft.diagram.run
+    node = run.nodes.get("order")
+    if node is None or not run.order:
+        return
+    if run.method != "gauss-seidel":
+        message = f"`run.order` is of no use under `{run.method}`, where no block takes its turn before another"
+        draft.problems.add(WrongValue(message, node.place, "remove it, or write `method: gauss-seidel`"))
+    for named in node.value:
+        component = draft.named(named.value, named)
+        if component and not has_turn(component):
+            message = f"`run.order`: {named.value} has no turn, as it is {_instead(component)}"
+            draft.problems.add(WrongValue(message, named.position, "remove it"))
+
+
+def _instead(component: Component) -> str:
+    return "sampled" if component.is_sampled else "evaluated whenever it is read"
 
 
 def turns(network: Network, order: Sequence[Task | Loop]) -> list[Turn]:
@@ -192,9 +213,10 @@ class _Ways:
         return self._origins([source.whole for source in self.network.components[name].wires[port]])
 
     def sequence(self) -> list[str]:
-        """The order of the turns, see `sequence.py`."""
+        """The order of the turns: what the diagram gives, then as of `sequence.py`."""
         reads = {name: self._read_by(name) - {name} for name in self.stepping}
-        return sequence(reads, {name for name in self.stepping if self._feeds_through(name)})
+        passing = {name for name in self.stepping if self._feeds_through(name)}
+        return sequence(reads, passing, self.network.diagram.run.order)
 
     def _read_by(self, name: str) -> set[str]:
         component = self.network.components[name]

@@ -52,8 +52,9 @@ class Overview:
 
     first_order: coupling is of a lower order than some integrator. unchecked: components of which only their code tells
     what they are, with their files; where there are any, order and conditions are not known. order: functions, as they
-    are evaluated. loops: of algebraic ones what is solved for, and what is evaluated to do so. findings: conditions
-    judged; open: those that a run judges. warnings: also of conditions that fail.
+    are evaluated. turns: of blocks, under gauss-seidel. loops: of algebraic ones what is solved for, and what is
+    evaluated to do so. findings: conditions judged; open: those that a run judges. warnings: also of conditions that
+    fail.
     """
 
     diagram: Diagram
@@ -62,6 +63,7 @@ class Overview:
     parts: tuple[ComponentOverview, ...]
     unchecked: dict[str, str]
     order: tuple[str, ...]
+    turns: tuple[str, ...]
     loops: dict[str, tuple[str, ...]]
     findings: tuple[Finding, ...]
     open: tuple[Open, ...]
@@ -82,6 +84,7 @@ def describe(network: Network) -> Overview:
         parts=tuple(_part(network, component) for component in network.components.values()),
         unchecked={name: str(network.diagram.blocks[name].path) for name in network.unchecked},
         order=tuple(f"{t.component}.{t.function}" for t in order.flat(network.evaluation) if t.function),
+        turns=_turns(network),
         loops={
             ", ".join(map(str, loop.torn)): tuple(f"{t.component}.{t.function or t.port}" for t in loop.tasks)
             for loop in network.evaluation
@@ -91,6 +94,12 @@ def describe(network: Network) -> Overview:
         open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
         warnings=(*warnings, *broken),
     )
+
+
+def _turns(network: Network) -> tuple[str, ...]:
+    if network.diagram.run.method != "gauss-seidel" or network.unchecked:
+        return ()
+    return tuple(turn.component for turn in order.turns(network, network.evaluation))
 
 
 def _higher_order(network: Network) -> bool:

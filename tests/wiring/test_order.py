@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import AlgebraicLoop, DiagramErrors
-from cosim.wiring import order
+from cosim.wiring import order, overview
 from cosim.wiring.network import Task
 
 CHAIN = """
@@ -219,3 +219,64 @@ def test_a_block_behind_a_ring_of_feedthrough_waits_for_it(wired, tmp_path, traj
         """
     got = trajectories(wired(text), "behind.x", engine=engine)["behind.x"]
     assert np.array_equal(got, 0.125 * np.cumsum(0.125 * np.arange(5)))
+
+
+RING_OF_THREE = """
+run: {{stop: 1, step: 0.125, method: gauss-seidel{order}}}
+blocks:
+  a: {{python: own.py:Integral, start: {{x: 1.0}}, inputs: {{u: g.y}}}}
+  b: {{python: own.py:Integral, start: {{x: -2.0}}, inputs: {{u: a.x}}}}
+  c: {{python: own.py:Integral, start: {{x: 0.5}}, inputs: {{u: b.x}}}}
+  g: {{python: own.py:Three, inputs: {{u: c.x}}}}
+"""
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize(
+    ("given", "turns"),
+    [("", "abc"), ("cba", "cba"), ("b", "bca"), ("cb", "cba"), ("ac", "acb"), ("bac", "bac")],
+)
+def test_turns_are_taken_in_the_order_that_is_given(wired, tmp_path, trajectories, given, turns, engine):
+    """The others follow, each after what it reads. Against the three assignments of a step, written in that order."""
+    (tmp_path / "own.py").write_text(TWO_OUTPUTS)
+    order_ = f", order: [{', '.join(given)}]" if given else ""
+    network = wired(RING_OF_THREE.format(order=order_))
+    got = trajectories(network, "a.x", "b.x", "c.x", engine=engine)
+    x = {"a": 1.0, "b": -2.0, "c": 0.5}
+    expected = [tuple(x.values())]
+    for _ in range(8):
+        for name in turns:
+            u = {"a": 3.0 * x["c"], "b": x["a"], "c": x["b"]}[name]
+            x[name] = x[name] + 0.125 * u
+        expected.append(tuple(x.values()))
+    assert np.array_equal(np.stack([got[f"{name}.x"] for name in "abc"], 1), expected)
+    assert overview.describe(network).turns == tuple(turns)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ("method: gauss-seidel, order: [a, ^g]", "`run.order`: g has no turn, as it is evaluated whenever it is read"),
+        ("method: gauss-seidel, order: [a, ^aa]", "`aa` names no block of the diagram"),
+        ("method: gauss-seidel, order: [a, ^a]", "`run.order` names `a` twice"),
+        ("method: gauss-seidel, order: ^a", "`run.order` must be a list of blocks, not the text `a`"),
+        ("method: gauss-seidel, order: [^[a]]", "`run.order` must be text, not a list"),
+        ("method: jacobi, ^order: [a]", "`run.order` is of no use under `jacobi`, where no block takes its turn"),
+    ],
+)
+def test_what_an_order_cannot_be_is_said_at_its_place(wired, tmp_path, settings, said):
+    (tmp_path / "own.py").write_text(TWO_OUTPUTS)
+    text = RING_OF_THREE.format(order="").replace("method: gauss-seidel", settings)
+    column = text.splitlines()[1].index("^") + 1
+    with pytest.raises(DiagramErrors) as caught:
+        wired(text.replace("^", ""))
+    (mistake,) = caught.value.errors
+    assert mistake.message.startswith(said) and mistake.fix
+    assert (mistake.position.line, mistake.position.column) == (2, column)
+
+
+def test_an_empty_order_goes_with_every_method(wired, tmp_path):
+    (tmp_path / "own.py").write_text(TWO_OUTPUTS)
+    for method in ("jacobi", "joint"):
+        network = wired(RING_OF_THREE.format(order=", order: []").replace("gauss-seidel", method))
+        assert overview.describe(network).turns == ()
