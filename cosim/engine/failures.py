@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from cosim.authoring.variables import Indicator, Local, State, Variable
@@ -22,7 +24,7 @@ def divergence(program: Program, arena: np.ndarray, offset: int, time: float) ->
     component, variable = program.network.components[signal.component], program.network.variable(signal)
     value = arena[offset : offset + variable.dtype.itemsize].view(variable.dtype)[0]
     mark = UNWRITTEN[variable.dtype]
-    if value.view(mark.dtype) == mark and (error := _unwritten(program, arena, time)):
+    if value.view(mark.dtype) == mark and (error := _unwritten(program, program.calls, arena, time)):
         return error
     name = _named(component, variable, element)
     member = f" of {component.fleet} {instance + 1}" if component.fleet else ""
@@ -65,9 +67,9 @@ def stalled(program: Program, arena: np.ndarray, offset: int) -> CosimError:
     return BlockFailed(message, component.entry.position, fix)
 
 
-def _unwritten(program: Program, arena: np.ndarray, time: float) -> BlockFailed | None:
-    """The error for the first function, in the order of evaluation, that has not written a number of its own."""
-    for call in program.calls:
+def _unwritten(program: Program, calls: Iterable[Call], arena: np.ndarray, time: float) -> BlockFailed | None:
+    """The error for the first of some functions, in their order, that has not written a number of its own."""
+    for call in calls:
         component = program.network.components[call.component]
         if component.declaration.foreign:
             continue
@@ -99,15 +101,22 @@ def _left_out(call: Call, arena: np.ndarray) -> tuple[str, int, str] | None:
 
 def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> BlockFailed:
     """The error for an algebraic loop whose row found no solution at a time (s)."""
-    loop = program.loops[row]
-    position = program.network.components[loop.torn[0].component].entry.position
-    parts = dict.fromkeys(task.component for task in loop.tasks)
-    left, torn = program.unsolved_error(row, arena), ", ".join(map(str, loop.torn))
-    if left <= newton.TOLERANCE:
-        message = f"the algebraic loop of {', '.join(parts)} leaves {torn} undetermined at t = {time:g} s"
+    loop, rows = program.loops[row], program.rows[row + 1 :][: program.rows[row, tables.B]]
+    calls = [program.calls[a] for a in rows[rows[:, tables.KIND] == tables.CALL, tables.A]]
+    if error := _unwritten(program, calls, arena, time):
+        return error
+    component = program.network.components[loop.torn[0].component]
+    left, member = program.unsolved(row, arena)
+    parts = ", ".join(dict.fromkeys(task.component for task in loop.tasks))
+    where = f"{parts} ({component.fleet} {member + 1})" if member is not None else parts
+    position, torn = component.entry.position, ", ".join(map(str, loop.torn))
+    if left == newton.UNDETERMINED:
+        message = (
+            f"the algebraic loop of {where} leaves {torn} undetermined at t = {time:g} s: other values would do too"
+        )
         return BlockFailed(message, position, "let one of these blocks read a state instead, or sample it")
-    message = f"no solution was found of the algebraic loop of {', '.join(parts)} at t = {time:g} s: "
-    way = "gives no number" if left >= linear.HUGE else f"does not come back to itself, but {left:.1g} away"
+    message = f"no solution was found of the algebraic loop of {where} at t = {time:g} s: "
+    way = f"does not come back to itself, but {left:.1g} away" if left < linear.HUGE else "gives no number"
     guess = f"blocks.{loop.torn[0].component}.start.{loop.torn[0].variable}"
     fix = f"say where to look, {guess}; or sample a block, or let it read a state"
     return BlockFailed(f"{message}{torn} {way}", position, fix)

@@ -168,7 +168,7 @@ class Watch:
         component = self._program.network.components[self._call().component] if self._program.calls else None
         if self._asked is None and component and not (component.declaration.compiled or component.declaration.foreign):
             return None
-        done = (int(self._control[word]) for word in (tables.TICK, tables.INNER, tables.AT))
+        done = (int(self._control[word]) for word in (tables.TICK, tables.ALIVE, tables.AT))
         return *done, *calls
 
     def stop(self) -> None:
@@ -216,11 +216,11 @@ class Watch:
         return BlockFailed(message, place, fix)
 
     def _call(self) -> Call:
-        """The call that is being done, or was last."""
+        """The call that is being done, or was last; where something else is done, the next one."""
         rows, at = self._program.rows, int(self._control[tables.AT])
-        at = at if 0 <= at < len(rows) else 0
-        is_call = rows[at, tables.KIND] == tables.CALL
-        return self._program.calls[int(rows[at, tables.A]) if is_call else 0]
+        rows = rows[at:] if 0 <= at < len(rows) else rows
+        calls = rows[rows[:, tables.KIND] == tables.CALL, tables.A]
+        return self._program.calls[int(calls[0]) if len(calls) else 0]
 
 
 def _all(parts: Parts) -> Iterator[Part]:

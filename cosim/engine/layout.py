@@ -15,8 +15,8 @@ import numpy as np
 from cosim.authoring.declaration import Function, variable_of
 from cosim.authoring.variables import CalculatedParameter, Indicator, Input, Local, Output, Parameter, State, Variable
 from cosim.engine.allocation import Allocation, Place, connect, remember
-from cosim.master import tables
-from cosim.wiring import order
+from cosim.master import tables, unknowns
+from cosim.wiring import loops, order
 from cosim.wiring.network import Component, Loop, Network, Signal
 
 #: What stands where no function has written yet: a NaN that arithmetic does not make.
@@ -55,6 +55,7 @@ class Layout(Allocation):
         self.given: dict[Signal, list[tuple[int, int]]] = {}
         self.vectors: dict[str, int] = {}
         self.published: dict[str, tuple[int, int]] = {}
+        self._unknowns: dict[Loop, int] = {}
         self._lay_out_states()
         self._lay_out_published()
         self._lay_out_indicators()
@@ -115,17 +116,20 @@ class Layout(Allocation):
             parts.append(first + size * np.arange(component.count)[:, None] + np.arange(size))
         return np.concatenate(parts, axis=1)
 
-    def unknowns(self, loop: Loop) -> int:
-        """The offset of what the loop's SOLVE has to know of an algebraic loop, and works with; see `loop.py`."""
-        places = [self.places[signal] for signal in loop.torn]
-        fleets = {self.network.components[task.component].fleet for task in loop.tasks}
-        apart = len(fleets) == 1 and fleets != {None} and _is_memberwise(self.network, loop, self.places)
-        members = self.network.components[loop.torn[0].component].count if apart else 1
-        sizes = [self.bytes_of(signal) // 8 // members for signal in loop.torn]
-        size = sum(sizes)
-        work = self.allocate(8 * members * size * (size + tables.UNKNOWNS_VECTORS))
-        pieces = [word for place, n in zip(places, sizes, strict=True) for word in (place.offset, place.stride, n)]
-        return self.constant(np.array([members, size, len(places), work, *pieces], np.int64))
+    def unknowns(self, loop: Loop, clocks: Mapping[Signal, int]) -> int:
+        """The offset of what is known of the unknowns of an algebraic loop, see `cosim.master.unknowns`.
+
+        clocks: the numbers of those by which its rows compute signals; 0: at every communication point.
+        """
+        if loop not in self._unknowns:
+            members, size = loops.systems(self.network, loop)
+            work = self.allocate(8 * members * size * (size + unknowns.UNKNOWNS_VECTORS))
+            words = [members, size, len(loop.torn), work, loops.bits(self.network, loop)]
+            for signal in loop.torn:
+                place, numbers = self.places[signal], self.bytes_of(signal) // 8 // members
+                words += [place.offset, place.stride, numbers, clocks.get(signal, unknowns.NO_ROW)]
+            self._unknowns[loop] = self.constant(np.array(words, np.int64))
+        return self._unknowns[loop]
 
     # ---- the state segment ----
 
@@ -220,10 +224,17 @@ class Layout(Allocation):
 
     def _mark(self, component: Component, variable: Variable, offset: int) -> None:
         """Mark what an author's function is to write, so that what it leaves out does not pass for a zero."""
-        if variable.finite and variable.dtype in UNWRITTEN and not component.declaration.foreign:
-            mark = UNWRITTEN[variable.dtype]
-            size = component.count * component.nbytes(variable) // mark.itemsize
-            self.first.append((offset, np.full(size, mark)))
+        content = marks(component, variable, component.count * component.nbytes(variable))
+        if content is not None:
+            self.first.append((offset, content))
+
+
+def marks(component: Component, variable: Variable, size: int) -> np.ndarray | None:
+    """So many bytes of what stands where an author's function is to write; None for what may be anything."""
+    if component.declaration.foreign or not variable.finite or variable.dtype not in UNWRITTEN:
+        return None
+    mark = UNWRITTEN[variable.dtype]
+    return np.full(size // mark.itemsize, mark)
 
 
 def _stages(network: Network) -> int:
@@ -237,18 +248,3 @@ def _checked(variable: Variable) -> str:
     if isinstance(variable, (Parameter, Input, Indicator)) or not variable.finite:
         return ""
     return variable.dtype.name if variable.dtype.name in ("float64", "float32") else ""
-
-
-def _is_memberwise(network: Network, loop: Loop, places: Mapping[Signal, Place]) -> bool:
-    """Whether each member of a fleet depends on itself alone."""
-    parts = {task.component for task in loop.tasks}
-    wires = [
-        (name, port, source)
-        for name in parts
-        for port, sources in network.components[name].wires.items()
-        for source in sources
-        if source.component in parts
-    ]
-    return all(task.function for task in loop.tasks) and all(
-        source.members is None and places[Signal(name, port)].stride for name, port, source in wires
-    )

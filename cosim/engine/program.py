@@ -31,7 +31,7 @@ from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.errors import FmuError
 from cosim.integrators import ScipyMethod
-from cosim.master import newton, tables
+from cosim.master import tables, unknowns
 from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
 from cosim.wiring.network import Loop, Network, Signal, Task
@@ -123,12 +123,13 @@ class Program:
         names = [component.name for component in owners if begin <= self.layout.states_of(component).min() < end]
         return names[0] if len(names) == 1 else "joint"
 
-    def unsolved_error(self, row: int, arena: np.ndarray) -> float:
-        """The error of the guess at which the solver of an algebraic loop, by its row, gave up."""
+    def unsolved(self, row: int, arena: np.ndarray) -> tuple[float, int | None]:
+        """The error with which the solver of an algebraic loop, by its row, gave up, and of which member of a fleet."""
         offset = int(self.rows[row, tables.A])
-        blocks, equations, _, work = arena[offset : offset + 8 * tables.UNKNOWNS_WORDS].view(np.int64)
-        at = int(work + newton.F * blocks * equations * 8)
-        return float(arena[at : at + 8].view(np.float64)[0])
+        blocks, equations, _, work, _ = arena[offset : offset + 8 * unknowns.UNKNOWNS_WORDS].view(np.int64)
+        size = blocks * equations
+        vectors = arena[work : work + 8 * unknowns.UNKNOWNS_VECTORS * size].view(np.float64).reshape(-1, size)
+        return float(vectors[unknowns.F, 0]), int(vectors[unknowns.R, 0]) if blocks > 1 else None
 
     def control(self) -> np.ndarray:
         """The words of a control block that are the same in every run; addresses are left out."""

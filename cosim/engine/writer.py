@@ -10,9 +10,10 @@ import numpy as np
 from cosim.authoring.declaration import Function
 from cosim.compiling.frame import frame_of
 from cosim.engine.allocation import Place
-from cosim.engine.layout import Layout
+from cosim.engine.layout import Layout, marks
 from cosim.master import tables
 from cosim.wiring import order
+from cosim.wiring.clocks import Clock
 from cosim.wiring.network import Component, Coupling, Loop, Network, Signal, Task
 
 Range = tuple[int, int]
@@ -47,8 +48,9 @@ class Writer:
         self.started: list[tuple[int, Signal]] = []
         self.loops: dict[int, Loop] = {}
         self.tableaus: dict[str, int] = {}
-        self._clocks = {clock: k + 1 for k, clock in enumerate(self.network.schedule.clocks)}
-        self.watching = {c.name: len(self._clocks) + k + 1 for k, c in enumerate(self.network.watched)}
+        clocks = self.network.schedule.clocks
+        self._clocks: dict[Clock | None, int] = {None: 0, **{clock: k + 1 for k, clock in enumerate(clocks)}}
+        self.watching = {c.name: len(clocks) + k + 1 for k, c in enumerate(self.network.watched)}
 
     def begin(self) -> int:
         """Where the next row goes."""
@@ -66,7 +68,7 @@ class Writer:
 
     def clock(self, component: Component) -> int:
         """The number of a component's clock."""
-        return self._clocks[component.clock] if component.clock else 0
+        return self._clocks[component.clock]
 
     def copy(self, to: int, source: int, size: int, clock: int = 0) -> None:
         """Copy so many bytes, in whole words."""
@@ -143,18 +145,28 @@ class Writer:
                 self._solve(task, at_end, first)
                 continue
             component = self.network.components[task.component]
-            clock = self.clock(component) if component.is_sampled and not first else 0
+            clock = 0 if first else self._clocks[self.network.clock(task)]
             if task.function:
                 self.call(component, self.network.function(task), at_end=at_end, clock=clock)
             else:
-                self._bring(component, task.port, clock if component.samples_inputs else 0, at_end, first)
+                self._bring(component, task.port, clock, at_end, first)
 
     def _solve(self, loop_: Loop, at_end: bool, first: bool) -> None:
-        """Solve an algebraic loop: a row for it, then those that evaluate it. first: as there is only one solution."""
+        """Solve an algebraic loop: a row for it, then those that evaluate it.
+
+        first: its solution has to be the only one near by, and every number of it written.
+        """
         row = len(self.rows)
-        self._row(tables.SOLVE, self.layout.unknowns(loop_), c=int(first), at_end=at_end)
+        network, tasks = self.network, loop_.tasks
+        clocks = {signal: self._clocks[network.clock(task)] for task in tasks for signal in network.written(task)}
+        due = tables.ALL_FIRST if first else tables.AS_CLOCKS_SAY
+        self._row(tables.SOLVE, self.layout.unknowns(loop_, clocks), c=due, at_end=at_end)
         self.loops[row] = loop_
-        self.tasks(loop_.tasks, at_end, first)
+        for task in tasks:
+            for signal in network.written(task) if first and task.function else ():
+                if signal in loop_.torn:
+                    _unwrite(self, signal)
+            self.tasks([task], at_end, first)
         self.rows[row][tables.B] = len(self.rows) - row - 1
 
     def _bring(self, component: Component, port: str, clock: int, at_end: bool, first: bool) -> None:
@@ -214,3 +226,11 @@ class Writer:
         for function in (*order.needed_outputs(component), *component.declaration.kind("derivatives")):
             self.call(component, function, stage=True, hidden=hidden)
         return self.end(begin)
+
+
+def _unwrite(writer: Writer, signal: Signal) -> None:
+    """Mark what an author's function is to write, though it is guessed, as not written yet."""
+    network, layout, size = writer.network, writer.layout, writer.layout.bytes_of(signal)
+    content = marks(network.components[signal.component], network.variable(signal), size)
+    if content is not None:
+        writer.copy(layout.places[signal].offset, layout.constant(content), size)

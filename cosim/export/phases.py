@@ -54,7 +54,7 @@ def _held(program: Program) -> tuple[list[list[int]], dict[int, Loop]]:
         row = program.rows[at].tolist()
         if row[tables.KIND] == tables.SOLVE:
             solver, last = row, at + row[tables.B]
-            row[tables.B] = 0
+            row[tables.B], row[tables.C] = 0, tables.NO_SAMPLED
             loops[len(held)] = program.loops[at]
         elif is_held(row):
             continue

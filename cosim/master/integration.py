@@ -21,6 +21,7 @@ from cosim.master.rosenbrock import linearize, rosenbrock_step, slope_at_begin
 from cosim.master.rows import differentiate, operate
 from cosim.master.runge_kutta import runge_kutta_step
 from cosim.master.tables import (
+    ALIVE,
     BANK_WORDS,
     BANKS,
     BEGIN,
@@ -34,7 +35,6 @@ from cosim.master.tables import (
     HANDS_ON,
     IMPLICIT,
     IN_PLACE,
-    INNER,
     INNER_BEGIN,
     INNER_END,
     INNER_STEPS,
@@ -77,7 +77,7 @@ def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
     h = step / inner_steps
     for s in range(inner_steps):
         time = begun + s * h
-        c[INNER] += 1
+        c[ALIVE] += 1
         status = begin(c, base, b, time, h, s == 0)
         if status > WARNING:
             return status
@@ -144,7 +144,7 @@ def integrate_within_tolerance(c: Any, base: int, b: Any, begun: float, step: fl
             return status
         time, planned, left = begun + done, memory[NEXT_STEP], step - done
         memory[REACHED] = time
-        c[INNER] += 1
+        c[ALIVE] += 1
         h = fitted(planned, left)
         status = attempt(c, base, b, time, h)
         if status > WARNING:

@@ -19,6 +19,7 @@ from cosim.machine.stages import move, weigh
 from cosim.master.linear import factor, substitute
 from cosim.master.rows import differentiate
 from cosim.master.tables import (
+    ALIVE,
     BEGIN,
     BEGUN,
     IMPLICIT,
@@ -90,7 +91,7 @@ def differentiate_column(c: Any, base: int, b: Any, time: float, column: int) ->
     return status
 
 
-def factorize(base: int, b: Any, h: float) -> bool:
+def factorize(c: Any, base: int, b: Any, h: float) -> bool:
     """The factors of 1/(h γ) - J. Returns whether all systems can be solved."""
     e = systems_of(base, b)
     n = e[SYSTEM_SIZE]
@@ -102,7 +103,7 @@ def factorize(base: int, b: Any, h: float) -> bool:
             matrix[i] = -jacobian[i]
         for i in range(n):
             matrix[i * n + i] += diagonal
-        if not factor(at, pivots_of(base, e, s), n, 0.0):
+        if factor(c[ALIVE : ALIVE + 1], at, pivots_of(base, e, s), n, 0.0) == 0.0:
             return False
     return True
 
@@ -115,7 +116,7 @@ def rosenbrock_step(c: Any, base: int, b: Any, time: float, h: float) -> int:
     e, stages, stride = systems_of(base, b), b[STAGES], c[STATES] * 8
     x, w, d, total = part(c, base, b, BEGUN), stage_of(c, base, b), part(c, base, b, D), part(c, base, b, SUM)
     f, f_t, slopes = vector(base, e, F), vector(base, e, F_T), base + c[SLOPES] + b[BEGIN] * 8
-    if not factorize(base, b, h):
+    if not factorize(c, base, b, h):
         for j in range(w.size):
             w[j] = total[j] = math.nan
         return OK

@@ -28,16 +28,10 @@ ROW_WORDS = 6
 ROW_BYTES = 8 * ROW_WORDS
 KIND, A, B, C, CLOCK, AT_END = range(ROW_WORDS)
 CALL, COPY, INTEGRATE, SOLVE, PUSH, TRACE, FORGET = range(7)
-# Operands: function, frame | to, from, words | bank | offset of the unknowns, how many rows that follow evaluate them |
-# offset of a history, which takes a sample, or gives the input its value, or begins anew: see `histories`.
-
-# The unknowns of an algebraic loop: blocks of equations that do not depend on each other, how many equations each has,
-# pieces of memory in which the unknowns lie, and the offset of work space; then the pieces: offset, bytes from one
-# block to the next, numbers in a block.
-UNKNOWNS_WORDS = 4
-UNKNOWNS_VECTORS = 9
-BLOCKS, EQUATIONS, PIECES, WORK = range(UNKNOWNS_WORDS)
-PIECE_WORDS = 3
+# Operands: function, frame | to, from, words | bank | offset of the unknowns, see `unknowns`, how many rows that follow
+# evaluate them, and what of them is due | offset of a history, which takes a sample, or gives the input its value, or
+# begins anew: see `histories`.
+AS_CLOCKS_SAY, ALL_FIRST, NO_SAMPLED = range(3)  # what of a loop is due; first: its solution has to be the only one
 
 # A bank of states that are integrated together: its part of the state vector, whether stages are written in place,
 # inner steps, the rows that give the derivatives: from published values (first), from the stage's; and the integrator:
@@ -138,7 +132,7 @@ CONTROL_WORDS = 70
     WATCHED,  # whose indicators they are
     N_WATCHED,
     LOOKED,  # whether they have been looked at
-    INNER,  # how many inner steps have been begun: a sign of life within a communication step
+    ALIVE,  # counts on within a communication step: with inner steps, and where large equations are solved
     EVENTFUL,  # whether there may be events between two communication points
     NEXT_EVENT,  # when foreign blocks have their next time event, a float64 (s)
     EARLY,  # when the first of them stopped within the step that is being done, a float64 (s); else infinite

@@ -7,6 +7,7 @@ and small ones, as each of their numbers is an unknown.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
@@ -79,6 +80,46 @@ def torn(network: Network, part: Sequence[Task], graph: Graph) -> Loop:
     unknowns = tuple(signal for task in cut for signal in signals[task])
     _refuse_whole_numbers(network, unknowns, inside)
     return Loop(tuple(TopologicalSorter(left).static_order()), unknowns)
+
+
+def systems(network: Network, loop: Loop) -> tuple[int, int]:
+    """How many systems of equations a loop is that do not depend on each other, and how many unknowns each has.
+
+    A fleet whose members each read their own member is as many systems as it has members.
+    """
+    numbers = sum(math.prod(network.shape(signal)) for signal in loop.torn)
+    members = network.components[loop.torn[0].component].count if _is_memberwise(network, loop) else 1
+    return members, numbers // members
+
+
+def bits(network: Network, loop: Loop) -> int:
+    """The bits, behind the leading one, of the coarsest real numbers that are handed on around a loop."""
+    read = {signal for task in loop.tasks for signal in network.read(task)}
+    handed = {*loop.torn, *(signal for task in loop.tasks for signal in network.written(task) if signal in read)}
+    types = {network.variable(signal).dtype for signal in handed}
+    return min(int(np.finfo(dtype).nmant) for dtype in types if dtype.kind == "f")
+
+
+def _is_memberwise(network: Network, loop: Loop) -> bool:
+    """Whether each member of a fleet depends on itself alone."""
+    parts = {task.component for task in loop.tasks}
+    fleets = {network.components[name].fleet for name in parts}
+    if len(fleets) > 1 or None in fleets:
+        return False
+    names = {(t.component, n) for t in loop.tasks for n in (network.function(t).reads if t.function else (t.port,))}
+    return all(
+        _is_own(network, Signal(component, name), source)
+        for component, name in names
+        for source in network.components[component].wires.get(name, ())
+        if source.component in parts
+    )
+
+
+def _is_own(network: Network, port: Signal, source: Signal) -> bool:
+    """Whether each member reads that of a source which is its own, and nothing else."""
+    entry = network.components[port.component].entry
+    whole = source.members is None and not isinstance(entry.inputs[port.variable].value, list)
+    return whole and len(network.shape(source)) == len(network.variable(port).shape) + 1
 
 
 def _cost(

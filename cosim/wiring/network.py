@@ -239,6 +239,11 @@ class Network:
         """The function of a task that is no join."""
         return next(f for f in self.components[task.component].declaration.functions if f.name == task.function)
 
+    def clock(self, task: Task) -> Clock | None:
+        """The clock by which a task is done; None: at every communication point."""
+        component = self.components[task.component]
+        return component.clock if (component.is_sampled if task.function else component.samples_inputs) else None
+
     def read(self, task: Task) -> list[Signal]:
         """What a task reads; a join, its sources."""
         component = self.components[task.component]

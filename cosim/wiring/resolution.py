@@ -89,3 +89,4 @@ def _size(draft: Draft) -> None:
         dimensions.report_unsolved(draft.components, draft.problems)
     if not sizes.fit(draft.components.values(), draft.problems):
         draft.problems.raise_if_any()
+    draft.problems.attempt(sizes.require_of_loops, draft.network())

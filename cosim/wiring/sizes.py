@@ -8,13 +8,11 @@ import sys
 from collections.abc import Container, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cosim.authoring.variables import CalculatedParameter, Local, Output, State, Variable
 from cosim.errors import Position, Problems, TooLarge
-
-if TYPE_CHECKING:
-    from cosim.wiring.network import Component
+from cosim.wiring.loops import systems
+from cosim.wiring.network import Component, Loop, Network
 
 COPIES = 2
 """Of the arena: the table's, from which each run begins, and the run's own."""
@@ -43,6 +41,17 @@ def fit(components: Iterable[Component], problems: Problems) -> bool:
     fix = f"a smaller fleet `{component.fleet}`" if component.fleet else "smaller dimensions"
     problems.add(TooLarge(message, place, fix))
     return False
+
+
+def require_of_loops(network: Network) -> None:
+    """Raises: TooLarge for an algebraic loop of so many unknowns that there is no memory for its matrix."""
+    for loop in {item: None for item in (*network.initial, *network.evaluation) if isinstance(item, Loop)}:
+        members, unknowns = systems(network, loop)
+        parts = ", ".join(dict.fromkeys(task.component for task in loop.tasks))
+        what = f"the {members * unknowns} unknowns of the algebraic loop of {parts}"
+        place = network.components[loop.torn[0].component].entry.position
+        fix = "let one of these blocks read a state instead, or sample it"
+        require(COPIES * 8 * members * unknowns**2, what, place, fix)
 
 
 def _bytes(component: Component, variable: Variable, continuous: Container[Variable]) -> int:
