@@ -70,7 +70,7 @@ class ReferenceSolver:
         """Inside, nobody else in this process uses scipy's integrators. To wait is a sign of life."""
         turn = _turns.setdefault(os.getpid(), Lock())
         while not turn.acquire(timeout=1.0):
-            self._control[tables.INNER] += 1
+            self._control[tables.ALIVE] += 1
         try:
             yield
         finally:

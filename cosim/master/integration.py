@@ -97,7 +97,7 @@ def integrate(c: Any, base: int, bank: int, begun: float, step: float) -> int:
 def derive(time: float, base: int, control: int) -> int:
     """The derivatives D of the states X of all blocks, as one system, at a time (s). Returns the status."""
     c = words_at(control, CONTROL_WORDS)
-    c[INNER] += 1
+    c[ALIVE] += 1
     return differentiate(c, base, words_at(c[BANKS], BANK_WORDS), time)
 
 
