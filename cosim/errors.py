@@ -215,6 +215,18 @@ class ResultError(CosimError):
     """A result file that cannot be written or read."""
 
 
+class CheckpointError(CosimError):
+    """A checkpoint that cannot be made or read, or is of another run than the one that is to go on from it."""
+
+
+class NothingToResume(CheckpointError):
+    """A run that has come to its end; status: as of `Outcome`."""
+
+    def __init__(self, message: str, status: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
 class MetricError(CosimError):
     """A metric whose signal, reduction or time window does not make sense."""
 

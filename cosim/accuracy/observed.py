@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -74,6 +74,14 @@ class CourseOf(Reduction):
     def _take(self, times: Array, samples: Array) -> None:
         chosen = np.rint(times / self._step).astype(np.int64) % self._every == 0
         self._parts.append(samples[chosen].reshape(-1, math.prod(self.shape)).astype(float))
+
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return {"course": self.value()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        self._parts = [state["course"]]
 
     def value(self) -> Array:
         """An array (instants, elements)."""

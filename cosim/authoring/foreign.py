@@ -23,6 +23,12 @@ class Foreign(Protocol):
         Whoever opens instances for a run fills them.
         """
 
+    def library(self) -> bytes:
+        """The code that computes it on this machine."""
+
+    def unsaved(self, component: Any) -> CosimError | None:
+        """Why the instances of a block cannot be saved, with the usual fix; None where they can."""
+
     def parts(
         self, component: Any, calls: Any, arena: Any, loop: LoopWords, wanted: set[str], zeros: Any
     ) -> Sequence[Part]:
@@ -78,7 +84,7 @@ class Trace(Protocol):
 class Part(Protocol):
     """Instances of a foreign block that live together in one process: that of the name, "" for the engine's.
 
-    `open`, `failure`, `close` and `serve` are called there.
+    `open`, `failure`, `save`, `restore`, `close` and `serve` are called there.
     """
 
     process: str
@@ -89,6 +95,12 @@ class Part(Protocol):
 
     def failure(self, time: float) -> CosimError:
         """What stopped the loop in one of the calls, at a time (s)."""
+
+    def save(self, time: float) -> Any:
+        """All that the instances know at a communication point (s), in arrays. Raises: CosimError."""
+
+    def restore(self, state: Any, time: float) -> None:
+        """Go on from there, after initialization. Raises: CosimError, KeyError or ValueError where it does not fit."""
 
     def close(self, terminate: bool) -> None:
         """Free all instances; terminate: after telling them of the end."""

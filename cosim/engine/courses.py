@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,16 @@ class Courses:
             series = np.ascontiguousarray(samples.reshape(len(times), members, -1).transpose(1, 2, 0))
             self._smallest.update(times, series)
             self._largest.update(times, series)
+
+    def state(self) -> dict[str, Any]:
+        """What it has seen so far: arrays, to the bit."""
+        return {"seen": np.array(self.seen), "smallest": self._smallest.state(), "largest": self._largest.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state."""
+        self.seen = bool(state["seen"])
+        self._smallest.restore(state["smallest"])
+        self._largest.restore(state["largest"])
 
     def of_members(self) -> list[Course]:
         """The course of each member."""
@@ -58,6 +69,14 @@ class _Extremes:
         if better.any():
             self.values[better] = found[better]
             self.times[better] = times[self._place(self._pick.reduce(series[better], axis=1), axis=1)]
+
+    def state(self) -> dict[str, Any]:
+        """As of `Courses`."""
+        return {"values": self.values, "times": self.times}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Courses`."""
+        self.values, self.times = state["values"], state["times"]
 
     def exact(self) -> list[Any]:
         """The extremes, of integers as such."""

@@ -72,6 +72,15 @@ class Here:
         """Why a call of a foreign block failed at a time (s)."""
         return _failed(self._parts[component]).failure(time)
 
+    def save(self, time: float) -> list[Any]:
+        """All that the instances of foreign blocks know at a communication point (s). Raises: CosimError."""
+        return [part.save(time) for part in _all(self._parts)]
+
+    def restore(self, states: Sequence[Any], time: float) -> None:
+        """Have them go on from there. Raises: CosimError, KeyError or ValueError where it does not fit."""
+        for part, state in zip(_all(self._parts), states, strict=True):
+            part.restore(state, time)
+
     def close(self, terminate: bool) -> None:
         """End all instances; terminate: they were initialized."""
         if self._worker:
@@ -109,9 +118,7 @@ class Forked:
         """As of `Here`."""
         for part in _all(self._parts):
             self._ask(part, "open")
-            if part.process:
-                self._crew.tell(part.process, "part", self._index[id(part)], "serve")
-                self._serving.append(part)
+            self._serve(part)
 
     def run(self, command: str, wanted: Callable[[], bool] = never) -> int:
         """As of `Here`."""
@@ -131,12 +138,32 @@ class Forked:
         error: CosimError = self._ask(_failed(self._parts[component]), "failure", time)
         return error
 
+    def save(self, time: float) -> list[Any]:
+        """As of `Here`."""
+        states = []
+        for part in _all(self._parts):
+            states.append(self._ask(part, "save", time))
+            self._serve(part)
+        return states
+
+    def restore(self, states: Sequence[Any], time: float) -> None:
+        """As of `Here`."""
+        for part, state in zip(_all(self._parts), states, strict=True):
+            self._ask(part, "restore", state, time)
+            self._serve(part)
+
     def close(self, terminate: bool) -> None:
         """As of `Here`, if the processes still live."""
         if self._crew.at_work:
             for part in _all(self._parts):
                 self._ask(part, "close", terminate)
             self._crew.dismiss()
+
+    def _serve(self, part: Part) -> None:
+        """Have a part that has a process of its own do what the loop asks for."""
+        if part.process:
+            self._crew.tell(part.process, "part", self._index[id(part)], "serve")
+            self._serving.append(part)
 
     def _ask(self, part: Part, method: str, *arguments: Any) -> Any:
         """Have a part do something in its process, which then serves no longer."""

@@ -44,7 +44,8 @@ class Outcome:
     terminated: a block ended it within a step, which could not be repeated to there, so that the samples end before.
     time: the simulated time reached (s). seconds: wall-clock time of each part. inner_steps: how many were taken and
     how many rejected of what is integrated within a tolerance, by block, or of all as "joint". signal: the number of
-    the signal that interrupted it, or 0.
+    the signal that interrupted it, or 0. resumed: from which time (s) it went on, where it did; checkpoint: the one
+    that it leaves, and of which time (s).
     """
 
     diagram: str
@@ -69,6 +70,8 @@ class Outcome:
     accuracy: dict[str, Any] = field(default_factory=dict)  # of metrics, where somebody has asked for it
     swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
     stepping: Stepping | None = None  # where a tolerance chose the steps
+    resumed: float | None = None
+    checkpoint: tuple[str, float] | None = None
 
     @property
     def reason(self) -> str:
@@ -102,4 +105,8 @@ class Outcome:
             content["swaps"] = self.swaps
         if self.stepping:
             content["stepping"] = asdict(self.stepping)
+        if self.resumed is not None:
+            content["resumed"] = self.resumed
+        if self.checkpoint:
+            content["checkpoint"] = dict(zip(("file", "time"), self.checkpoint, strict=True))
         return json.dumps(reductions.for_json(content), ensure_ascii=False)

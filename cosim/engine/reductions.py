@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,23 @@ class Reductions:
                 reduction.update(samples.times, samples.values[signal])
         for signal, courses in self._courses.items():
             courses.update(samples.times, samples.values[signal])
+
+    def state(self) -> dict[str, Any]:
+        """What all have made of the run so far: arrays, to the bit."""
+        return {
+            "metrics": {name: reduction.state() for name, (_, reduction) in self.metrics.items()},
+            "events": {str(signal): reduction.state() for signal, reduction in self._events.values()},
+            "courses": {str(signal): courses.state() for signal, courses in self._courses.items()},
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state of the same network's."""
+        for name, (_, reduction) in self.metrics.items():
+            reduction.restore(state["metrics"][name])
+        for signal, reduction in self._events.values():
+            reduction.restore(state["events"][str(signal)])
+        for signal, courses in self._courses.items():
+            courses.restore(state["courses"][str(signal)])
 
     def values(self, time: float, value: Callable[[Signal], np.ndarray]) -> tuple[dict[str, Any], CosimError | None]:
         """The metrics' values, and why one of them has none where that is a mistake."""

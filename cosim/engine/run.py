@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from cosim.compiling.kernels import Kernels
-from cosim.engine import compilation, program, stability, step_counts
+from cosim.engine import compilation, program, recording, stability, step_counts
+from cosim.engine.checkpoints import MARK, Checkpoints
 from cosim.engine.outcome import Outcome
-from cosim.engine.probes import Probes, Samples
+from cosim.engine.probes import Probes
 from cosim.engine.program import Program
 from cosim.engine.reductions import Reductions
 from cosim.engine.simulation import Simulation
@@ -20,20 +21,17 @@ from cosim.errors import (
     CosimError,
     Diverged,
     Problems,
-    ResultError,
     Terminated,
     WrongValue,
     nearest,
 )
 from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
-from cosim.language.keys import INTEGRATION
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
-from cosim.results.recorded import Recorded
 from cosim.results.result_writer import ResultWriter
 from cosim.wiring import conditions, resolution
-from cosim.wiring.network import Finding, Network, Signal
+from cosim.wiring.network import Finding, Network
 
 FLUSH_SECONDS = 1.0
 ENGINES = ("native", "python")
@@ -57,7 +55,10 @@ class Run:
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
     prepared: a program of this network with its kernels, where there is one already.
-    attributes: what else the result's file says of itself. Raises: WrongValue for an engine that there is not.
+    attributes: what else the result's file says of itself. checkpoint: how often one is kept beside the result, as of
+    `Interval`; resume: whether to go on from it.
+
+    Raises: WrongValue for an engine that there is not, and for checkpoints without a result.
     """
 
     def __init__(
@@ -68,6 +69,8 @@ class Run:
         began: float | None = None,
         prepared: tuple[Program, Kernels] | None = None,
         attributes: Mapping[str, str] | None = None,
+        checkpoint: str | None = None,
+        resume: bool = False,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         if engine not in ENGINES:
@@ -76,6 +79,7 @@ class Run:
         self.engine = engine
         self.output = output
         self.attributes = dict(attributes or {})
+        self.checkpoints = Checkpoints(output, checkpoint, resume) if checkpoint is not None or resume else None
         settings = network.diagram.run
         self.reductions = Reductions(network)
         self._program = prepared[0] if prepared else program.build(network, settings.method)
@@ -111,15 +115,23 @@ class Run:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
 
         A signal ends the run after the batch that is under way; until the result is closed, further ones lose nothing.
-        Raises: DiagramErrors of what cannot be compiled, ResultError if the result cannot be begun, CosimError if it
-        was executed before, and what `watch` raises; everything else is in the outcome.
+        Raises: DiagramErrors of what cannot be compiled, ResultError and CheckpointError if the result cannot be begun
+        or resumed, CosimError if it was executed before, and what `watch` raises; everything else is in the outcome.
         """
         if self._executed:
             raise CosimError("this run has been executed", fix="make another `Run` of the same network")
         self._executed = True
         self.simulation  # noqa: B018  compiled before a result is begun
-        with interruption.deferred() as interrupted:
+        with self._checkpointed(), interruption.deferred() as interrupted:
             return self._execute(watch, interrupted)
+
+    def _checkpointed(self) -> AbstractContextManager[None]:
+        if not self.checkpoints:
+            return nullcontext()
+        from cosim.engine.identity import identity  # which takes a while
+
+        assert self._kernels
+        return self.checkpoints.of(self.network, identity(self.network, self._program, self._kernels, self.engine))
 
     def _execute(self, watch: Callable[[float], None], interrupted: Interruption) -> Outcome:
         with self._writer() if self.output else nullcontext() as writer:  # which keeps what is there, come what may
@@ -148,7 +160,9 @@ class Run:
         outcome.warnings += self.simulation.warnings()
         outcome.signal = interrupted.number or outcome.signal
         if writer:
-            _close(writer, outcome)
+            recording.close(writer, outcome)
+        if self.checkpoints:
+            self.checkpoints.end(outcome)
         return outcome
 
     def _solve(self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption) -> None:
@@ -163,15 +177,19 @@ class Run:
             self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
             aside += self._look(wanted)
+            if self.checkpoints and writer:
+                self.checkpoints.start(self.simulation, self.reductions, writer)
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self.reductions.update(stepwise)
                 if writer:
-                    self._append(writer, recorded)
+                    recording.append(writer, recorded)
                     if resumed - flushed > FLUSH_SECONDS:
                         writer.flush()
                         flushed = resumed
                 watch(self.simulation.time)
+                if self.checkpoints and writer:
+                    self.checkpoints.follow(self.simulation, self.reductions, writer, interrupted.wanted)
                 aside += clock.perf_counter() - resumed
                 interrupted.raise_if_wanted()
             self.simulation.close()
@@ -191,31 +209,17 @@ class Run:
         self.seconds["setup"] += spent
         return spent
 
-    def _append(self, writer: ResultWriter, samples: Samples) -> None:
-        values = {str(signal): array for signal, array in samples.values.items()}
-        writer.append(samples.times, values)
-
     def _writer(self) -> ResultWriter:
         assert self.output is not None
-        attributes = {"engine": self.engine, "reductions": self.reductions.meanings, **self.attributes}
-        recorded = [_described(self.network, signal) for signal in self.simulation.probes[1].signals]
-        return ResultWriter(self.output, recorded, {**_settings(self.network.diagram), **attributes})
-
-    def _judged(self) -> tuple[list[Finding], list[CosimError], int]:
-        """The conditions along the run, warnings of others, and the number of a signal that ended a rule, or 0.
-
-        A rule may never end. Nothing is lost with it but what the rules would have said.
-        """
-        try:
-            with interruption.heard():
-                return self.reductions.conditions(), _warnings(self.network), 0
-        except Interrupted as stopped:
-            where = " ".join(("no condition was judged: interrupted", *getattr(stopped, "__notes__", [])))
-            return [], [CosimError(where)], stopped.number
+        more, state = dict(self.attributes), None
+        if self.checkpoints:
+            more[MARK], state = self.checkpoints.mark, self.checkpoints.result
+        about = {**recording.about(self.network, self.engine, self.reductions), **more}
+        return ResultWriter(self.output, recording.described(self.network, self.simulation.probes[1]), about, state)
 
     def _outcome(self, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
         diagram = self.network.diagram
-        judged, warnings, signal = self._judged()
+        judged, warnings, signal = _judged(self.network, self.reductions)
         failed = [conditions.as_warning(self.network, finding) for finding in judged if finding.holds is False]
         coarse = _coarse(self.network, self.simulation)
         return Outcome(
@@ -233,19 +237,26 @@ class Run:
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[
-                *self.reductions.warnings,
-                *self._unstable,
-                *warnings,
-                *failed,
-                *coarse,
-            ],
+            warnings=[*self.reductions.warnings, *self._unstable, *warnings, *failed, *coarse],
             conditions=judged,
             units=self.reductions.units,
             windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
             stepping=step_counts.stepping(self._program, self.simulation.control),
         )
+
+
+def _judged(network: Network, reductions: Reductions) -> tuple[list[Finding], list[CosimError], int]:
+    """The conditions along the run, warnings of others, and the number of a signal that ended a rule, or 0.
+
+    A rule may never end. Nothing is lost with it but what the rules would have said.
+    """
+    try:
+        with interruption.heard():
+            return reductions.conditions(), _warnings(network), 0
+    except Interrupted as stopped:
+        where = " ".join(("no condition was judged: interrupted", *getattr(stopped, "__notes__", [])))
+        return [], [CosimError(where)], stopped.number
 
 
 def _coarse(network: Network, simulation: Simulation) -> list[CosimError]:
@@ -263,25 +274,6 @@ def _coarse(network: Network, simulation: Simulation) -> list[CosimError]:
     return [CosimError(f"{message}, {why}", run.nodes["coupling_tolerance"].place, fix)]
 
 
-def _settings(diagram: Diagram) -> dict[str, Any]:
-    """What a result says of the diagram that it is of."""
-    names = "stop", "step", "method", "extrapolation", "coupling_tolerance", *INTEGRATION
-    known = {key: getattr(diagram.run, key) for key in names}
-    settings = {key: value for key, value in known.items() if value is not None}
-    text = diagram.resolved()
-    return {"title": diagram.title, "diagram": text, "settings": settings, "method": diagram.run.method}
-
-
-def _close(writer: ResultWriter, outcome: Outcome) -> None:
-    """Write how the run ended; a result that cannot be written makes a failure of it, which loses no figure."""
-    try:
-        figures = outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts, outcome.inner_steps
-        writer.close(outcome.status, outcome.reason, *figures, end=outcome.time)
-    except ResultError as full:
-        if outcome.error is None:
-            outcome.status, outcome.error = "failed", full
-
-
 def _warnings(network: Network) -> list[CosimError]:
     """The conditions of foreign blocks that do not hold, such as outputs without a step of delay."""
     foreign = {name for name, component in network.components.items() if component.declaration.foreign}
@@ -289,20 +281,6 @@ def _warnings(network: Network) -> list[CosimError]:
         [f for f in conditions.conditions(network) if f.component in foreign and f.holds is False] if foreign else []
     )
     return [conditions.as_warning(network, finding) for finding in broken]
-
-
-def _described(network: Network, signal: Signal) -> Recorded:
-    component, variable = network.components[signal.component], network.variable(signal)
-    axes = component.signal_axes(variable) or ()
-    return Recorded(
-        name=str(signal),
-        shape=network.shape(signal),
-        dtype=variable.dtype,
-        fleet=(axes[0].fleet if axes else None) or "",
-        unit=variable.unit,
-        description=variable.description,
-        causality=variable.causality,
-    )
 
 
 def run(diagram: Diagram, **options: Any) -> Outcome:

@@ -50,11 +50,13 @@ class Simulation:
         self.control = self._words(tables.CONTROL_WORDS)
         self.breakable: Callable[[], AbstractContextManager[None]] = nullcontext  # put around what is interpreted
         self.termination: Terminated | None = None
+        self.rests_at = LARGEST_BATCH  # ticks: a batch goes no further than their next multiple
+        self.resting = False  # whether what is known is that of a communication point which is still ahead
         self._interpreted = kernels is None and not self._forked
         self._initialized = False
         self._binding: Binding | None = None
         self._parts: Mapping[str, Sequence[Part]] = {}
-        self._host: hosts.Here | hosts.Forked | None = None
+        self.host: hosts.Here | hosts.Forked | None = None
 
     def _words(self, *shape: int) -> np.ndarray:
         """Zeroed words that the loop changes."""
@@ -117,10 +119,10 @@ class Simulation:
 
         wanted: as of `batches`. Raises: BlockFailed, Diverged, FmuError.
         """
-        self._host = self._host or self._open()
-        self._host.open()
+        self.host = self.host or self._open()
+        self.host.open()
         self.execute("CALCULATE", "START", wanted)
-        self._initialized = True
+        self._initialized = self.resting = True
 
     def execute(self, first: str, last: str, wanted: Callable[[], bool] = supervision.never) -> None:
         """Do phases that follow each other, once, at time zero. Raises: as `initialize`."""
@@ -130,8 +132,8 @@ class Simulation:
 
     def close(self) -> None:
         """End all instances of foreign blocks; signals can still be read. Raises: FmuCrashed, FmuHung."""
-        if self._host:
-            self._host.close(self._initialized)
+        if self.host:
+            self.host.close(self._initialized)
 
     def warnings(self) -> list[CosimError]:
         """What foreign blocks warned of so far; of a block in many processes, what the first of them did."""
@@ -168,12 +170,16 @@ class Simulation:
         size = (1 if self._parts else 64) * self.program.network.schedule.grid
         finished = False
         while not finished:
-            before, last = self.done, min(self.done + size, self.ticks)
+            before = self.done
+            last = min(before + size, self.ticks, (before // self.rests_at + 1) * self.rests_at)
             self.control[tables.LAST], self.control[tables.FINAL] = last, last == self.ticks
             self.control[tables.STOP] = 0
             began = clock.perf_counter()
             status, error = self._do_batch(wanted)
             spent = clock.perf_counter() - began
+            finished = last == self.ticks and not self.control[tables.FINAL]
+            ended = finished or self.control[tables.ENDING] == tables.ENDED
+            self.resting = error is None and status <= tables.WARNING and not ended
             yield self.buffers.take()
             if error:
                 raise error
@@ -181,7 +187,6 @@ class Simulation:
             if self.control[tables.ENDING] == tables.ENDED and self.time < self.program.time(self.ticks):
                 self.termination = self._termination()
                 return
-            finished = last == self.ticks and not self.control[tables.FINAL]
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
@@ -194,9 +199,9 @@ class Simulation:
 
     def _have(self, command: str, wanted: Callable[[], bool]) -> int:
         """Have the loop do something. Interpreted, it is this thread that does it, and a block may not return."""
-        assert self._host, "initialize() comes first"
+        assert self.host, "initialize() comes first"
         with self.breakable() if self._interpreted else nullcontext():
-            return self._host.run(command, wanted)
+            return self.host.run(command, wanted)
 
     def _do_batch(self, wanted: Callable[[], bool]) -> tuple[int, BaseException | None]:
         try:
@@ -221,8 +226,8 @@ class Simulation:
             raise failures.unsolved(self.program, self.arena, row, self.time)
         call = self.program.calls[int(self.program.rows[row, tables.A])]
         if call.component in self._parts:
-            assert self._host
-            raise self._host.failure(call.component, self.time)
+            assert self.host
+            raise self.host.failure(call.component, self.time)
         error = failures.failure(self.program, self.arena, call, self.time, self._interpreted)
         causes = self._binding.causes if self._binding else []
         raise error from (causes[-1] if causes else None)

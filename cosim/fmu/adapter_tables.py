@@ -50,7 +50,7 @@ class AdapterTables:
         self._rows: dict[int, list[str]] = {}
         self._shadows: dict[str, np.ndarray] = {}
         self._histories: Mapping[str, int] = {}
-        self._kept: list[np.ndarray] = []  # what belongs to a state that is kept
+        self._kept: dict[str, np.ndarray] = {}  # what belongs to a state that is kept, by a name of ours
 
     def _array(self, *shape: int) -> np.ndarray:
         """Zeroed words."""
@@ -79,15 +79,15 @@ class AdapterTables:
         self._histories = loop.histories
         self._functions(link)
         link[fields.SNAPSHOTS] = self._array(len(self._handles)).ctypes.data
-        self._kept.append(link[fields.ENDED : fields.ENDED + 1])
+        self._kept["ended"] = link[fields.ENDED : fields.ENDED + 1]
 
     def _records(self, signs: int) -> int:
         count = len(self._handles)
-        records = self._array(count, fields.RECORD_WORDS)
+        records = self._kept["records"] = self._array(count, fields.RECORD_WORDS)
         records[:, fields.HANDLE] = np.array(self._handles, np.uint64).view(np.int64)
-        several = self._array(count, signs)
+        several = self._kept["signs"] = self._array(count, signs)
         records[:, fields.INDICATOR_VALUES] = [row.ctypes.data for row in several]
-        self._kept += [several, records]
+        self._addresses = records != 0
         return records.ctypes.data
 
     def _functions(self, link: np.ndarray) -> None:
@@ -98,6 +98,26 @@ class AdapterTables:
             link[fields.COMPLETED_STEP] = self._binary.address("CompletedIntegratorStep")
         for word, name in fmu.version.optional[fmu.kind].items():
             link[word] = self._binary.find(name)
+
+    # ---- what the adapter remembers from call to call ----
+
+    @property
+    def records(self) -> np.ndarray:
+        """The record of each instance."""
+        return self._kept["records"]
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What the adapter knows of the instances, apart from addresses."""
+        kept = {name: array.copy() for name, array in self._kept.items()}
+        kept["records"][self._addresses] = 0
+        return kept
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from a state of another run's. Raises: KeyError, ValueError where it does not fit."""
+        own = self.records[self._addresses]
+        for name, array in self._kept.items():
+            array[...] = state[name]
+        self.records[self._addresses] = own
 
     # ---- what one call exchanges ----
 
@@ -215,13 +235,13 @@ class AdapterTables:
         """Where the value of a discrete input is kept that the FMU has now; one for all calls."""
         if name not in self._shadows:
             self._shadows[name] = self._array(-(-len(self._handles) * size // 8))
-            self._kept.append(self._shadows[name])
+            self._kept[f"shadow of {name}"] = self._shadows[name]
         return self._shadows[name].ctypes.data
 
     def finish(self, link: np.ndarray) -> None:
         """Fill in what belongs to a state that is kept, once all calls are planned."""
         table = self._array(len(self._kept), fields.KEPT_WORDS)
-        for row, kept in zip(table, self._kept, strict=True):
+        for row, kept in zip(table, self._kept.values(), strict=True):
             row[fields.FROM], row[fields.WORDS] = kept.ctypes.data, kept.size
             row[fields.COPIED] = self._array(kept.size).ctypes.data
         link[fields.KEPT], link[fields.N_KEPT] = table.ctypes.data, len(table)

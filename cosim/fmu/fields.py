@@ -64,6 +64,8 @@ LINK_WORDS = 56
     SET_INPUT_DERIVATIVES,
     EARLY,  # the address of the time (s) at which the first has stopped within a step; 0 where none may
 ) = range(46)
+#: Of the link, what a run has to tell, or to go on with.
+TOLD = (WARNINGS, ENDED, ENDED_AT, WARNED, WARNED_AT)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 

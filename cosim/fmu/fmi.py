@@ -44,6 +44,17 @@ class ValueType(NamedTuple):
     accessor: str
 
 
+class StateFunctions(NamedTuple):
+    """The functions that save an instance's state, as bytes too, and give it back, without FMI's prefix."""
+
+    get: str
+    set: str
+    free: str
+    size: str
+    write: str
+    read: str
+
+
 @dataclass(frozen=True)
 class NewInstance:
     """What an FMU is told of an instance that it is to make.
@@ -68,7 +79,8 @@ class Version(ABC):
     number: of the tables, the headers and the C functions. name: as a person writes it. delay: where it says that a
     step comes between an input and what follows from it. types: by their names in a model description.
     functions, optional: what the adapter calls of each kind of FMU, and what it does where there is such a function, by
-    the word of the link.
+    the word of the link. saving: what saves the state of an instance as bytes. can_save: the attribute that says that
+    there is all of this.
     """
 
     number: ClassVar[int]
@@ -77,6 +89,8 @@ class Version(ABC):
     types: ClassVar[dict[str, ValueType]]
     functions: ClassVar[dict[int, dict[int, str]]]
     optional: ClassVar[dict[int, dict[int, str]]]
+    saving: ClassVar[StateFunctions]
+    can_save: ClassVar[str]
 
     @property
     def prefix(self) -> str:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cosim.fmu import c_library, elements, fields, fmi, folders
-from cosim.fmu.fmi import Call, Experiment, Group, NewInstance, ValueType
+from cosim.fmu.fmi import Call, Experiment, Group, NewInstance, StateFunctions, ValueType
 
 
 class _Callbacks(ctypes.Structure):
@@ -49,6 +49,11 @@ class Fmi2(fmi.Version):
         },
         fields.MODEL_EXCHANGE: fmi.states("GetFMUstate", "SetFMUstate"),
     }
+    saving = StateFunctions(
+        *("GetFMUstate", "SetFMUstate", "FreeFMUstate"),
+        *("SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate"),
+    )
+    can_save = "canSerializeFMUstate"
 
     def reads(self, version: str) -> bool:
         """As of `Version`."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cosim.fmu import fields, fmi, folders
-from cosim.fmu.fmi import Call, Experiment, Group, NewInstance, ValueType
+from cosim.fmu.fmi import Call, Experiment, Group, NewInstance, StateFunctions, ValueType
 
 _INTEGERS = [f"{kind}{bits}" for kind in ("Int", "UInt") for bits in (8, 16, 32, 64)]
 
@@ -42,6 +42,11 @@ class Fmi3(fmi.Version):
         fields.MODEL_EXCHANGE: fmi.INTEGRATING,
     }
     optional: ClassVar = {kind: fmi.states("GetFMUState", "SetFMUState") for kind in functions}
+    saving = StateFunctions(
+        *("GetFMUState", "SetFMUState", "FreeFMUState"),
+        *("SerializedFMUStateSize", "SerializeFMUState", "DeserializeFMUState"),
+    )
+    can_save = "canSerializeFMUState"
 
     def reads(self, version: str) -> bool:
         """As of `Version`."""

@@ -41,8 +41,11 @@ class Handles:
             raise self._trace.failure(text, k, 0.0, fix=fix)
         self.made.append(handle)
 
-    def call(self, k: int, name: str, *arguments: float, about: str = "") -> None:
-        """Call a function of instance k; about: the variables that it is for. Raises: FmuError, FmuFailed."""
+    def call(self, k: int, name: str, *arguments: float, about: str = "", time: float = 0.0) -> None:
+        """Call a function of instance k; about: the variables that it is for; time: that of the run (s).
+
+        Raises: FmuError, FmuFailed.
+        """
         status = self.ask(k, name, *arguments)
         link = self._trace.link
         if status == fields.WARNING:
@@ -51,7 +54,7 @@ class Handles:
         elif status != fields.OK:
             self.lost[k] = status
             function = f"{self._binary.version.prefix}{name}"
-            raise self._trace.failure(returned(function, about, status), k, 0.0)
+            raise self._trace.failure(returned(function, about, status), k, time)
 
     def ask(self, k: int, name: str, *arguments: float) -> int:
         """Call a function of instance k. Returns its status. Raises: FmuError."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from cosim.authoring.block import Block
-from cosim.errors import FmuError
+from cosim.errors import CosimError, FmuError
 from cosim.fmu import (
     adapter,
     archive,
@@ -19,6 +19,7 @@ from cosim.fmu import (
     log_file,
     mailbox,
     port_names,
+    saved_states,
     settings,
     structural,
     structure,
@@ -39,6 +40,14 @@ class ForeignFmu(Fmu):
     def kernel(self) -> Callable[[float, int, int], int]:
         """What does the FMU's functions in the loop."""
         return mailbox.remote if self.settings.isolated else adapter.adapt
+
+    def library(self) -> bytes:
+        """The content of the shared library for this machine. Raises: FmuError."""
+        return archive.binary(self.folder, self.interface.modelIdentifier, self.version, self.name).read_bytes()
+
+    def unsaved(self, component: Any) -> CosimError | None:
+        """Why instances cannot be saved; see `cosim.fmu.saved_states`."""
+        return saved_states.refusal(self, component)
 
     def parts(self, component: Any, *arguments: Any) -> Any:
         """The instances of one run, by process; see `cosim.fmu.instance` and `cosim.fmu.isolation`."""

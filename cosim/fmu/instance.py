@@ -7,14 +7,14 @@ What happens once is called through ctypes, see `cosim.fmu.handles`; what happen
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from cosim.authoring.foreign import LoopWords
 from cosim.errors import CosimError, TooManyInstances
-from cosim.fmu import claims, fields, messages
+from cosim.fmu import claims, event_mode, fields, messages, saved_states
 from cosim.fmu.adapter_tables import AdapterTables
 from cosim.fmu.binary import Binary
 from cosim.fmu.handles import Handles, listed, returned
@@ -128,6 +128,32 @@ class Instances:
         last = ctypes.c_double()
         status = self._handles.ask(k, function, fields.LAST_TIME_STATUS, ctypes.addressof(last))
         return f", it got as far as t = {last.value - self.fmu.settings.start_time:g} s" if status == fields.OK else ""
+
+    def save(self, time: float) -> dict[str, Any]:
+        """All that the instances, and we of them, know at a communication point. Raises: FmuError, FmuFailed."""
+        for name in self.fmu.version.saving:
+            self._binary.address(name)  # what restores is missed now, or too late
+        told, known = self.trace.state(), self._tables.state()
+        saved = [saved_states.save(self.fmu, self._handles, self.trace, k, time) for k in range(len(self.members))]
+        return {"trace": told, "tables": known, "instances": saved}
+
+    def restore(self, state: Mapping[str, Any], time: float) -> None:
+        """Have new instances, which are initialized, go on from there. Raises: FmuError, FmuFailed, ValueError."""
+        for k, saved in enumerate(state["instances"]):
+            if state["tables"]["records"][k, fields.MODE] != fields.EVENT:
+                self._leave_event_mode(k, time)
+            saved_states.restore(self.fmu, self._handles, self.trace, k, saved, time)
+        self._tables.restore(state["tables"])
+        self.trace.restore(state["trace"])
+
+    def _leave_event_mode(self, k: int, time: float) -> None:
+        """Bring a new instance out of the Event Mode in which initialization may end. Raises: FmuFailed."""
+        record, link = self._tables.records[k], self.trace.link
+        info = record.ctypes.data + 8 * fields.INFO
+        if record[fields.MODE] == fields.EVENT:
+            link[fields.INSTANCE] = k
+            if event_mode.settle(link, record, info) or event_mode.leave_event_mode(link, record):
+                raise self.failure(time)
 
     def close(self, terminate: bool) -> None:
         """Terminate (if they were initialized) and free all instances, as far as their state allows."""

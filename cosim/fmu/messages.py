@@ -196,6 +196,19 @@ class Messages:
         """What the FMU hands back to its logger."""
         return self._ring.ctypes.data
 
+    def state(self) -> np.ndarray:
+        """All that was said, as it is kept."""
+        count = min(int(self._ring[COUNT_AT // 8]), ENTRIES)
+        return self._ring.view(np.uint8)[: ENTRIES_AT + count * ENTRY_BYTES].copy()
+
+    def restore(self, state: np.ndarray) -> None:
+        """Have this said, and nothing else; the file stays. Raises: ValueError where it does not fit."""
+        ring = self._ring.view(np.uint8)
+        file = ring[FILE_AT:FIRST_AT].copy()
+        ring[:] = 0
+        ring[: state.size] = state
+        ring[FILE_AT:FIRST_AT] = file
+
     def last(self, most: int = 4) -> list[str]:
         """The newest messages that are worse than OK, or the newest at all, oldest first, each with its status."""
         count = int(self._ring[COUNT_AT // 8])

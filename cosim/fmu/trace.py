@@ -6,7 +6,7 @@ Written just before each call of the FMU, and by its logger, so that it is true 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, BinaryIO
 
@@ -94,6 +94,16 @@ class FmuTrace:
     def _words(self, k: int) -> str:
         """The last messages of an instance."""
         return "".join(f"\n    it says {line}" for line in self.messages[k].last())
+
+    def state(self) -> dict[str, Any]:
+        """What the run will have to tell of the instances."""
+        return {"link": self.link[list(fields.TOLD)], "messages": [said.state() for said in self.messages]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Have this to tell, and nothing else. Raises: ValueError where it does not fit."""
+        self.link[list(fields.TOLD)] = state["link"]
+        for said, before in zip(self.messages, state["messages"], strict=True):
+            said.restore(before)
 
     @property
     def terminated(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import shutil
 import stat
@@ -55,6 +56,11 @@ def require_ending(path: Path, what: str, *endings: str) -> None:
     if path.suffix.lower().lstrip(".") not in endings:
         fix = f"such as {path.with_suffix(f'.{endings[0]}')}"
         raise ResultError(f"`{path}`: the name of {what} ends in .{' or .'.join(endings)}", fix=fix)
+
+
+def unfinished(path: Path) -> Iterator[Path]:
+    """What a kill inside of `fresh` may have left of files that were to be called `path`."""
+    return path.parent.glob(f".{glob.escape(path.name)}.{'[0-9a-f]' * 8}")
 
 
 def _hidden(path: Path) -> Path:

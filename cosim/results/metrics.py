@@ -67,6 +67,14 @@ class Reduction(ABC):
         """A number, a list, or None if the window held no sample. A NaN or infinity among the samples shows."""
 
     @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """What it has made of the samples so far: arrays, to the bit."""
+
+    @abstractmethod
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state of such a reduction."""
+
+    @abstractmethod
     def _take(self, times: Array, samples: Array) -> None:
         """Take a batch that lies in the window and is not empty."""
 
@@ -105,6 +113,14 @@ class Maximum(Reduction):
         extreme = self.pick.reduce(samples, axis=None)
         self._extreme = extreme if self._extreme is None else self.pick(self._extreme, extreme)
 
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return _given(extreme=self._extreme)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        self._extreme = state["extreme"][()] if "extreme" in state else None
+
     def value(self) -> float | None:
         """As of `Reduction`."""
         if self._extreme is None:
@@ -132,6 +148,14 @@ class Mean(Reduction):
     def _take(self, times: Array, samples: Array) -> None:
         self._sum.add(samples)
 
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return self._sum.state()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        self._sum.restore(state)
+
     def value(self) -> float | None:
         """As of `Reduction`."""
         return self._sum.mean() if self._sum.count else None
@@ -149,6 +173,14 @@ class RootMeanSquare(Reduction):
     def _take(self, times: Array, samples: Array) -> None:
         self._squares.add(samples)
 
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return self._squares.state()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        self._squares.restore(state)
+
     def value(self) -> float | None:
         """As of `Reduction`."""
         return self._squares.root_mean() if self._squares.count else None
@@ -165,6 +197,14 @@ class Final(Reduction):
 
     def _take(self, times: Array, samples: Array) -> None:
         self._last = np.array(samples[-1])
+
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return _given(last=self._last)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        self._last = state.get("last")
 
     def value(self) -> Any:
         """As of `Reduction`."""
@@ -200,6 +240,15 @@ class Events(Final):
         if samples.size:
             self._now = float(times[-1])
             self._take(times, samples)
+
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return {**super().state(), "now": np.array(self._now)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        super().restore(state)
+        self._now = float(state["now"])
 
     def value(self) -> list[dict[str, Any]] | None:
         """As of `Reduction`."""
@@ -241,6 +290,14 @@ class First(Reduction):
             self._times = np.full(self.shape, np.nan)
         found = times[samples.argmax(axis=0)]
         self._times = np.where(np.isnan(self._times) & samples.any(axis=0), found, self._times)
+
+    def state(self) -> dict[str, Any]:
+        """As of `Reduction`."""
+        return _given(times=self._times)
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """As of `Reduction`."""
+        self._times = state.get("times")
 
     def value(self) -> float | list[dict[str, Any]] | None:
         """As of `Reduction`."""
@@ -295,6 +352,11 @@ def from_json(value: Any) -> Any:
     if isinstance(value, list):
         return [from_json(item) for item in value]
     return float(value) if value in NOT_FINITE else value
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    """The values that there are, as arrays."""
+    return {name: np.array(value) for name, value in values.items() if value is not None}
 
 
 def _event(members: Array, time: Any) -> dict[str, Any]:

@@ -6,6 +6,8 @@ leaves the file as the last flush left it.
 
 from __future__ import annotations
 
+import os
+import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -16,13 +18,14 @@ import numpy as np
 
 from cosim.errors import ResultError
 from cosim.machine import files
-from cosim.results import attributes, disk_space, netcdf_layout
+from cosim.results import attributes, disk_space, netcdf_layout, result_image
 from cosim.results.recorded import Array, Recorded
 from cosim.results.result_errors import as_result_error
 from cosim.results.result_file import refuse_foreign
 from cosim.results.software_versions import versions
 
 WAITING_BYTES = 32 * 1024**2
+SUMMED_ROWS = 4096
 # The earliest format has no mark for "open for writing", which a process that is killed would leave set.
 LIBVER = ("earliest", "v110")
 
@@ -37,22 +40,32 @@ class ResultWriter:
     """Writes one result file; as a context manager it closes the file with the status that the way out implies.
 
     The file is made under a hidden name and takes the place of an older result only when it can be opened; the older
-    one stays as `<stem>.previous.nc`.
+    one stays as `<stem>.previous.nc`. state: that of a writer of this very file, from which it goes on.
 
     Raises: ResultError if the file cannot be written, or if something else than a result stands there.
     """
 
-    def __init__(self, path: str | Path, signals: Sequence[Recorded], about: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        signals: Sequence[Recorded],
+        about: Mapping[str, Any],
+        state: Mapping[str, Any] | None = None,
+    ) -> None:
         self.path = Path(path)
         self._signals = {signal.name: signal for signal in signals}
         self._waiting: list[tuple[Array, dict[str, Array]]] = []
         self._waiting_bytes = 0
         self._count = 0
+        self._summed, self._sums = 0, [0] * (1 + len(signals))  # up to which row, and what, see `state`
+        if state is not None:
+            self._go_on(state)
+            return
         refuse_foreign(self.path)
         with as_result_error("write", self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with files.fresh(self.path, keep=previous_path(self.path)) as new:
-                new.write_bytes(self._image(about))
+                new.write_bytes(self._first(about))
             self._open()
 
     def append(self, times: Array, samples: Mapping[str, Array]) -> None:
@@ -74,8 +87,7 @@ class ResultWriter:
         times = np.concatenate([times for times, _ in self._waiting])
         samples = {name: np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals}
         with as_result_error("write", self.path):
-            variables = [self._time, *self._variables.values()]
-            rows, full = disk_space.reserve(self._file, variables, self._count, len(times))
+            rows, full = disk_space.reserve(self._file, self._all, self._count, len(times))
             count = self._count + rows
             for name, variable in self._variables.items():
                 variable.resize(count, axis=0)
@@ -87,6 +99,27 @@ class ResultWriter:
             self._waiting, self._waiting_bytes, self._count = [], 0, count
             if full:
                 raise full
+
+    def state(self) -> dict[str, Any]:
+        """Flush, have it all on the disk, and tell what another writer needs to go on from there.
+
+        Raises: ResultError.
+        """
+        self.flush()
+        with as_result_error("write", self.path):
+            descriptor = self._file.id.get_vfd_handle()
+            os.fsync(descriptor)
+            self._sum_up()
+            image = result_image.image_of(descriptor, self._all, self._count)
+        return {"rows": np.array(self._count), "sums": np.array(self._sums, np.uint32), "image": image}
+
+    def _sum_up(self) -> None:
+        """Take the rows that have come since the last time into a checksum of each variable's."""
+        for k, variable in enumerate(self._all):
+            for begin in range(self._summed, self._count, SUMMED_ROWS):
+                rows = variable[begin : min(begin + SUMMED_ROWS, self._count)]
+                self._sums[k] = zlib.crc32(np.ascontiguousarray(rows).data, self._sums[k])
+        self._summed = self._count
 
     def close(
         self,
@@ -141,7 +174,7 @@ class ResultWriter:
             interrupted = isinstance(error, KeyboardInterrupt)
             self.close("interrupted" if interrupted else "failed", "" if interrupted else str(error))
 
-    def _image(self, about: Mapping[str, Any]) -> bytes:
+    def _first(self, about: Mapping[str, Any]) -> bytes:
         """The file without samples, made in memory."""
         import h5py
 
@@ -161,6 +194,20 @@ class ResultWriter:
         self._file = h5py.File(self.path, "r+", locking=False, libver=LIBVER)
         self._time = self._file["time"]
         self._variables = {name: self._file[netcdf_layout.netcdf_name(name)] for name in self._signals}
+        self._all = [self._time, *self._variables.values()]
+
+    def _go_on(self, state: Mapping[str, Any]) -> None:
+        """Raises: ResultError where the rows are not those that were written."""
+        with as_result_error("write", self.path):
+            result_image.bring_back(self.path, state["image"])
+            self._open()
+            self._count = int(state["rows"])
+            self._sum_up()
+            same = all(len(v) == self._count for v in self._all) and self._sums == state["sums"].tolist()
+        if not same:
+            self._file.close()
+            message = f"{self.path} is damaged: its samples are not those that the run has recorded"
+            raise ResultError(message, fix="leave --resume out to begin anew")
 
 
 def add_accuracy(path: Path, accuracy: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ are taken of the numbers times a power of two.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,15 @@ class ExactSum:
             return self.special
         return self.units / (self.count << _UNIT_BITS)
 
+    def state(self) -> dict[str, NDArray[Any]]:
+        """What has been added, to the bit."""
+        return {"count": np.array(self.count), "units": _bytes_of(self.units), "special": np.array(self.special)}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from a state."""
+        self.count, self.special = int(state["count"]), float(state["special"])
+        self.units = int.from_bytes(state["units"].tobytes(), "little", signed=True)
+
     def _add_whole(self, values: NDArray[Any]) -> None:
         """In halves of 32 bits: 64 bits have room for the sum of 2**31 of each."""
         wide = values.astype(np.uint64 if values.dtype.kind == "u" else np.int64)
@@ -107,6 +117,16 @@ class SquareSum:
                 part.add(np.square(np.ldexp(flat[chosen], power)))
         self._between.add(squares[~(small | large)])
 
+    def state(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """As of `ExactSum`."""
+        return {"between": self._between.state(), "small": self._small.state(), "large": self._large.state()}
+
+    def restore(self, state: Mapping[str, Mapping[str, NDArray[Any]]]) -> None:
+        """As of `ExactSum`."""
+        self._between.restore(state["between"])
+        self._small.restore(state["small"])
+        self._large.restore(state["large"])
+
     def root_mean(self) -> float:
         """The square root of their mean. Raises: ZeroDivisionError without numbers."""
         if self._between.special != 0.0:
@@ -117,3 +137,8 @@ class SquareSum:
         # The mean's own exponent may be beyond those of float64; half of it is not.
         half = (units.bit_length() - count.bit_length()) // 2
         return math.ldexp(math.sqrt((units << max(0, -2 * half)) / (count << max(0, 2 * half))), half)
+
+
+def _bytes_of(number: int) -> NDArray[np.uint8]:
+    """A whole number of any size."""
+    return np.frombuffer(number.to_bytes(number.bit_length() // 8 + 1, "little", signed=True), np.uint8)

@@ -17,7 +17,7 @@ import numpy as np
 
 from cosim.authoring.variables import Input, Parameter, State
 from cosim.compiling.kernels import Kernels
-from cosim.engine import compilation, program
+from cosim.engine import compilation, program, run_key
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import (
@@ -35,7 +35,7 @@ from cosim.errors import (
 from cosim.language import diagram, overlay
 from cosim.language.source import Node
 from cosim.language.values import Value
-from cosim.study import consistency, member_key, plan
+from cosim.study import consistency, plan
 from cosim.study.definition import Draw, Study, Variant
 from cosim.study.draws import Draws
 from cosim.study.plan import Member
@@ -67,7 +67,7 @@ class Prepared:
     @property
     def key(self) -> str:
         """What its result depends on, as a digest."""
-        return member_key.key(self.shared, self.network, self.program)
+        return run_key.key(self.shared, self.network, self.program)
 
 
 class Template:
@@ -80,7 +80,7 @@ class Template:
         for module in (*self.kernels.modules.values(), self.kernels.loop):
             if module:
                 module.load()  # here, where no other thread is loading
-        self.shared = member_key.structure(network, self.program, self.kernels)
+        self.shared = run_key.structure(network, self.program, self.kernels)
 
     def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
         """With other values, of the shapes that the template was wired with. Raises: DiagramErrors, ExpressionError."""

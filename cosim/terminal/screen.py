@@ -146,6 +146,7 @@ class Progress:
         self._file = file or sys.stderr
         self._watched = self._file.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
         self._began = time.perf_counter()
+        self._first: float | None = None  # what was told first: a run may go on from another time than zero
         self._bar: Any = None
 
     def __enter__(self) -> Self:
@@ -155,12 +156,13 @@ class Progress:
     def update(self, simulated: float, stop: float | None = None) -> None:
         """Show how far the run is; simulated time in s. stop: its end, if that was not known before."""
         self._stop = self._stop if stop is None else stop
+        self._first = simulated if self._first is None else self._first
         passed = time.perf_counter() - self._began
         if not self._watched or passed < PATIENCE:
             return
         if self._bar is None:
             self._open()
-        speed = simulated / passed
+        speed = (simulated - self._first) / passed
         left = f"{format_duration((self._stop - simulated) / speed)} left" if speed else ""
         self._bar.update(self._task, completed=simulated, total=self._stop, speed=f"{speed:.3g} × real time", left=left)
 

@@ -88,9 +88,23 @@ def machine(version: int) -> Model:
     return Model("machine", VARIABLES + (VARIABLES3 if version == 3 else ()), DERIVATIVES, (6,))
 
 
-def build(folder: Path, version: int, kinds: str = "me cs", flags: str = "", edit=lambda xml: xml) -> Path:
+#: With the option -DSAVES, an FMU has the functions that save its state: attributes that say so, by version.
+SAVES = {
+    2: 'canGetAndSetFMUstate="true" canSerializeFMUstate="true"',
+    3: 'canGetAndSetFMUState="true" canSerializeFMUState="true"',
+}
+
+
+def build(
+    folder: Path,
+    version: int,
+    kinds: str = "me cs",
+    flags: str = "",
+    edit=lambda xml: xml,
+    options: tuple[str, ...] = (),
+) -> Path:
     """`machine<version>.fmu` in the folder. flags: attributes of the kinds; edit: changes the description's text."""
-    return pack(folder, version, machine(version), SOURCE, kinds, flags, edit)
+    return pack(folder, version, machine(version), SOURCE, kinds, flags, edit, options)
 
 
 def pack(

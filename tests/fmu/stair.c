@@ -184,3 +184,9 @@ Status fmi3GetFloat64(void *c, const Reference r[], size_t n, double v[], size_t
 Status fmi3SetInt32(void *c, const Reference r[], size_t n, const int v[], size_t nv) { ((Stair *)c)->last = v[0]; return OK; }
 Status fmi3GetInt32(void *c, const Reference r[], size_t n, int v[], size_t nv) { v[0] = ((Stair *)c)->counter; return OK; }
 #endif
+
+#ifdef SAVES
+#define SAVED Stair
+static void keep(Stair *s, const Stair *own) { if (SAVES == 2) s->event_mode = own->event_mode; }
+#include "saving.h"
+#endif

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cosim.authoring.variables import Variable
+from cosim.engine import run_key as keys
 from cosim.errors import Position
 from cosim.language.source import Node
-from cosim.study import member_key as keys
 from cosim.study import plan
 from cosim.study.variants import Variants
 from tests.study.conftest import DIAGRAM

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import signal
 import sys
 from collections.abc import Callable
@@ -11,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.engine.outcome import Outcome
 from cosim.engine.run import ENGINES, Run
-from cosim.errors import CosimError
+from cosim.errors import CosimError, NothingToResume, UsageError
 from cosim.machine import files
 from cosim.results import csv_table, result_file
+from cosim.results.metrics import for_json
+from cosim.results.result_writer import previous_path
 from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED, UNCERTAIN
@@ -30,6 +33,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
     help_ = "say how wrong each metric may be, by three more runs, which take 7 times as long as one"
     parser.add_argument("--error", action="store_true", help=help_)
+    help_ = "keep a checkpoint beside the result: every so many simulated seconds, or 10min, 2h of wall-clock time"
+    parser.add_argument("--checkpoint", metavar="EVERY", help=help_)
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that did not end")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
 
 
@@ -37,18 +43,27 @@ def run(options: argparse.Namespace) -> int:
     """Run the diagram; 0 only if it completed."""
     network = load_network(options)
     output = options.output or Path("results") / f"{options.diagram.stem}.nc"
-    result_file.refuse_foreign(output)
+    if options.error and (options.checkpoint or options.resume):
+        raise UsageError(
+            "--error makes further runs, which keep no checkpoints", fix=f"cosim accuracy {options.diagram}"
+        )
+    if not options.resume:  # a result whose run was killed may be in pieces
+        result_file.refuse_foreign(output)
     files.require_ending(output, "a result", "nc")
     if options.csv:
         csv_table.refuse_foreign_csv(options.csv)
         files.require_ending(options.csv, "a table", "csv")
-    run = Run(network, options.engine, output, options.began)
+    run = Run(network, options.engine, output, options.began, checkpoint=options.checkpoint, resume=options.resume)
+    before = previous_path(output) if options.resume else output
     previous = (
-        result_file.read_metrics(output, run.reductions.meanings) if output.exists() and output.stat().st_size else None
+        result_file.read_metrics(before, run.reductions.meanings) if before.exists() and before.stat().st_size else None
     )
     certify = _certifier(run, options)
-    with screen.Progress(network.diagram.run.stop) as progress:
-        outcome = run.execute(progress.update)
+    try:
+        with screen.Progress(network.diagram.run.stop) as progress:
+            outcome = run.execute(progress.update)
+    except NothingToResume as ended:
+        return _tell_end(ended, output, options)
     certificate = certify(outcome)
     if options.json:
         print(outcome.as_json())
@@ -56,11 +71,27 @@ def run(options: argparse.Namespace) -> int:
         _report(outcome, previous, certificate)
     if outcome.error:
         screen.print_errors(outcome.error)
+    _write_csv(output, options)
+    uncertain = options.error and (certificate is None or certificate.changing)
+    return _exit_code(outcome) or (UNCERTAIN if uncertain else DONE)
+
+
+def _tell_end(ended: NothingToResume, output: Path, options: argparse.Namespace) -> int:
+    """Of a run that was to go on and had come to its end before, say that."""
+    if options.json:
+        metrics = for_json(result_file.read_metrics(output))
+        content = {"diagram": str(options.diagram), "status": ended.status, "metrics": metrics, "results": str(output)}
+        print(json.dumps({**content, "message": ended.message}, ensure_ascii=False))
+    else:
+        screen.say(ended.message)
+    _write_csv(output, options)
+    return DONE if ended.status == "completed" else STOPPED
+
+
+def _write_csv(output: Path, options: argparse.Namespace) -> None:
     if options.csv:
         with result_file.open_result(output) as result:
             csv_table.write_csv(options.csv, result)
-    uncertain = options.error and (certificate is None or certificate.changing)
-    return _exit_code(outcome) or (UNCERTAIN if uncertain else DONE)
 
 
 def _certifier(run: Run, options: argparse.Namespace) -> Callable[[Outcome], Certificate | None]:
@@ -91,7 +122,8 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Cert
     seconds = ", ".join(f"{name} {value:.3g} s" for name, value in outcome.seconds.items())
     compiled = f", kernels compiled: {outcome.kernels_compiled}" if outcome.kernels_compiled else ""
     by = f" by {signal.Signals(outcome.signal).name}" if outcome.signal else ""
-    print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled})")
+    since = f", resumed at t = {outcome.resumed:g} s" if outcome.resumed is not None else ""
+    print(f"\n{outcome.status}{by} after {outcome.steps} steps ({outcome.method}; {seconds}{compiled}{since})")
     if outcome.termination:
         screen.say(outcome.termination.message)
     if outcome.stepping:
@@ -101,6 +133,9 @@ def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Cert
         counts = [f"{name} {n['taken']}{rejected.get(name, '')}" for name, n in outcome.inner_steps.items()]
         screen.print_wrapped(f"inner steps within tolerance: {', '.join(counts)}", 2)
     screen.say(f"recorded in {outcome.results}")
+    if outcome.checkpoint:
+        file, time = outcome.checkpoint
+        screen.say(f"checkpoint of t = {time:g} s in {file}: --resume goes on from there")
     for swap in outcome.swaps:
         screen.say(swap)
     sys.stdout.flush()

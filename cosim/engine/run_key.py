@@ -1,4 +1,4 @@
-"""What a member's result depends on, as a digest: a member whose key is known needs no run.
+"""What a run's figures depend on, as a digest: a member of a study whose key is known needs no run.
 
 Nothing is picked: everything that a run is handed is walked, field by field, so that a field that somebody adds is in
 the key. What is left out is named in `IGNORED`, with the reason; a value of an unknown kind is an error.
@@ -61,17 +61,26 @@ def structure(network: Network, program: Program, kernels: Kernels) -> bytes:
     digest = hashlib.sha256(own_files())
     for part in (network, program):
         _feed(digest, part)
-    modules = [module.meaning if module else "python" for module in (*kernels.modules.values(), kernels.loop)]
-    _feed(digest, modules)
+    _feed(digest, kernels.loop.meaning if kernels.loop else "python")
     for component, rule, _ in conditions.along(network):
         _feed(digest, [component.name, rule.text, rule.source, fingerprint(rule.function)])
-    for component in network.components.values():
-        if component.entry.kind == "fmu":
-            digest.update(_content(component.entry.path, component.entry.path.stat().st_mtime_ns))
-        elif not component.declaration.compiled:
-            plain = [fingerprint(function.python, interpreted=True) for function in component.declaration.functions]
-            _feed(digest, plain)
+    _feed(digest, code(network, kernels))
     return digest.digest()
+
+
+def code(network: Network, kernels: Kernels) -> dict[str, str]:
+    """By block, the digest of what computes it: its kernels, its FMU's content, its plain Python."""
+    found = {}
+    for name, component in network.components.items():
+        module = kernels.modules.get(name)
+        digest = hashlib.sha256((module.meaning if module else "python").encode())
+        if foreign := component.declaration.foreign:
+            digest.update(_content(component.entry.path, component.entry.path.stat().st_mtime_ns))
+            digest.update(foreign.library())  # which may be compiled from its sources
+        elif not component.declaration.compiled:
+            _feed(digest, [fingerprint(f.python, interpreted=True) for f in component.declaration.functions])
+        found[name] = digest.hexdigest()
+    return found
 
 
 def key(shared: bytes, network: Network, program: Program) -> str:
