@@ -17,7 +17,7 @@ from cosim.wiring.network import Network
 
 KILLED = 77
 #: What the caller of the loop sets for each batch, and where the loop was last.
-HANDED_OVER = (tables.LAST, tables.FINAL, tables.STOP, tables.FIRST_ROW, tables.END_ROW, tables.AT, tables.INNER)
+HANDED_OVER = (tables.LAST, tables.FINAL, tables.STOP, tables.FIRST_ROW, tables.END_ROW, tables.AT, tables.ALIVE)
 
 
 def executed(
