@@ -34,7 +34,7 @@ from cosim.integrators import ScipyMethod
 from cosim.master import tables, unknowns
 from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
-from cosim.wiring.network import Loop, Network, Signal, Task
+from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
 NEVER = 1 << 62  # a tick that no run reaches
 METHODS = {
@@ -115,6 +115,11 @@ class Program:
         """The method of scipy's that integrates all states, in place of an integrator of ours."""
         method = self.network.diagram.run.integration.method
         return method if isinstance(method, ScipyMethod) and len(self.banks) else None
+
+    def going_on(self, component: Component) -> dict[str, int]:
+        """The offsets of the histories of inputs that go on in a step, extrapolated or interpolated."""
+        several = [port for port, c in component.couplings.items() if c.order or c.interpolated]
+        return {port: self.layout.histories[Signal(component.name, port)] for port in several}
 
     def name_of(self, bank: np.ndarray) -> str:
         """The block whose states a bank has; joint, if there are several."""

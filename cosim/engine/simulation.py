@@ -105,11 +105,7 @@ class Simulation:
             next_event=words[tables.NEXT_EVENT],
             left=words[tables.LEFT],
             early=words[tables.EARLY] if self.program.attempts.rollback else 0,
-            histories={
-                port: self.program.layout.histories[Signal(component.name, port)]
-                for port, coupling in component.couplings.items()
-                if coupling.order or coupling.interpolated
-            },
+            histories=self.program.going_on(component),
         )
 
     # ---- running ----

@@ -9,8 +9,9 @@ import numpy as np
 
 from cosim.authoring.foreign import LoopWords
 from cosim.compiling.frame import frame_of
-from cosim.fmu import c_library, curves, fields
+from cosim.fmu import c_library, fields
 from cosim.fmu.binary import Binary
+from cosim.fmu.curve_table import CurveTable
 from cosim.machine.memory import own
 
 _TASKS = {
@@ -134,7 +135,8 @@ class AdapterTables:
         plan[fields.INPUTS], plan[fields.N_INPUTS] = self._row_table(inputs, slots, "Set")
         plan[fields.OUTPUTS], plan[fields.N_OUTPUTS] = self._row_table(outputs, slots, "Get")
         if function.kind == "step":
-            plan[fields.PLAN_CURVES] = self._curves([n for n in inputs if n in self._histories], slots)
+            going_on = {n: self._histories[n] for n in inputs if n in self._histories}
+            plan[fields.PLAN_CURVES] = CurveTable(self._fmu, self._component, going_on, slots, self._keep).address
         if states and states <= slots.keys():
             plan[fields.STATE_MAP] = self._map(slots, "")
         if function.kind == "indicators":
@@ -165,32 +167,6 @@ class AdapterTables:
         kind = self._fmu.kind
         steps = kind != fields.MODEL_EXCHANGE or self._fmu.states
         return _OUTPUT_TASKS[kind] if outputs or not steps else fields.NOTHING
-
-    def _curves(self, names: Sequence[str], slots: Mapping[str, int]) -> int:
-        """The table of how inputs go on in a step; 0: none does."""
-        if not names:
-            return 0
-        rows, references, orders = self._array(len(names), fields.CURVE_WORDS), list[int](), list[int]()
-        for row, name in zip(rows, names, strict=True):
-            coupling, port = self._component.couplings[name], self._fmu.ports[name]
-            order, width = coupling.order + int(coupling.interpolated), self._component.count * port.size
-            weights = curves.matrix(order)
-            self._keep.append(weights)
-            row[fields.CURVE_SLOT], row[fields.CURVE_HISTORY], row[fields.CURVE_ORDER] = (
-                slots[name],
-                self._histories[name],
-                order,
-            )
-            row[fields.CURVE_ELEMENTS], row[fields.CURVE_WIDTH] = port.size, width
-            row[fields.CURVE_POINTS] = self._array((order + 1) * width).ctypes.data
-            row[fields.CURVE_MATRIX] = weights.ctypes.data
-            references += [reference for reference in port.references for _ in range(order)]
-            orders += [*range(1, order + 1)] * port.size
-        told = np.array(references, np.uint32), np.array(orders, np.int32), np.zeros(len(orders))
-        self._keep += told
-        table = self._array(fields.CURVES_WORDS)
-        table[:] = rows.ctypes.data, len(rows), *(array.ctypes.data for array in told), len(orders)
-        return table.ctypes.data
 
     def _map(self, slots: Mapping[str, int], prefix: str) -> int:
         places = self._array(len(self._fmu.states), 2)
