@@ -18,14 +18,18 @@ import numpy as np
 Image = Mapping[str, np.ndarray]
 
 
-def image_of(descriptor: int, variables: Iterable[Any], rows: int) -> dict[str, np.ndarray]:
+def image_of(path: Path, variables: Iterable[Any], rows: int) -> dict[str, np.ndarray]:
     """The image of a file that is flushed, as arrays; variables: h5py's, over time, with so many rows.
 
     Raises: OSError.
     """
-    size = os.fstat(descriptor).st_size
-    spans = np.array([*_between(sorted(_full_chunks(variables, rows)), size)], np.int64).reshape(-1, 2)
-    pieces = [os.pread(descriptor, end - begin, begin) for begin, end in spans.tolist()]
+    pieces = []
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        spans = np.array([*_between(sorted(_full_chunks(variables, rows)), size)], np.int64).reshape(-1, 2)
+        for begin, end in spans.tolist():
+            file.seek(begin)
+            pieces.append(file.read(end - begin))
     return {"size": np.array(size), "spans": spans, "bytes": np.frombuffer(b"".join(pieces), np.uint8)}
 
 

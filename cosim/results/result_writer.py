@@ -107,10 +107,9 @@ class ResultWriter:
         """
         self.flush()
         with as_result_error("write", self.path):
-            descriptor = self._file.id.get_vfd_handle()
-            os.fsync(descriptor)
+            os.fsync(self._file.id.get_vfd_handle())
             self._sum_up()
-            image = result_image.image_of(descriptor, self._all, self._count)
+            image = result_image.image_of(self.path, self._all, self._count)
         return {"rows": np.array(self._count), "sums": np.array(self._sums, np.uint32), "image": image}
 
     def _sum_up(self) -> None:

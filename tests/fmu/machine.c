@@ -341,7 +341,7 @@ fmi3Status fmi3SetString(fmi3Instance c, const Reference r[], size_t n, const fm
 
 #ifdef SAVES
 #define SAVED Machine
-static void keep(Machine *m, const Machine *own) {
+static void leave(Machine *m, const Machine *own) {
     m->environment = own->environment; m->log = own->log;
     if (SAVES == 2) m->state = own->state; /* as the standard does not say whether that is part of it */
 }

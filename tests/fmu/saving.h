@@ -1,4 +1,4 @@
-/* FMI's functions for the state of an instance that is one piece of memory, SAVED; `keep` has what is not part of it.
+/* FMI's functions for the state of an instance that is one piece of memory, SAVED; `leave` has what is not part of it.
    -DBROKEN: how they fail. */
 enum { SOUND, TAKES_NOTHING, CANNOT_WRITE, CANNOT_READ, SAYS_TOO_MUCH, FORGETS_ITS_INPUT, CRASHES };
 #ifndef BROKEN
@@ -24,7 +24,7 @@ Status G(Set, )(void *c, void *state) {
     if (BROKEN == CRASHES) *(volatile int *)8 = 1;
     if (BROKEN == TAKES_NOTHING) return OK;
     *s = *(SAVED *)state;
-    keep(s, &own);
+    leave(s, &own);
     if (BROKEN == FORGETS_ITS_INPUT) s->u = 0;
     return OK;
 }

@@ -143,9 +143,11 @@ Status fmi2DoStep(void *c, double t, double h, fmi2Boolean keep) {
 }
 Status fmi2GetBooleanStatus(void *c, const fmi2StatusKind kind, fmi2Boolean *value) { *value = ((Stair *)c)->ended; return kind == fmi2Terminated ? OK : ERROR; }
 Status fmi2GetRealStatus(void *c, const fmi2StatusKind kind, fmi2Real *value) { *value = ((Stair *)c)->time; return kind == fmi2LastSuccessfulTime ? OK : ERROR; }
+#ifndef SAVES
 Status fmi2GetFMUstate(void *c, fmi2FMUstate *s) { return keep(c, s); }
 Status fmi2SetFMUstate(void *c, fmi2FMUstate s) { return go_back(c, s); }
 Status fmi2FreeFMUstate(void *c, fmi2FMUstate *s) { free(*s); *s = NULL; return OK; }
+#endif
 Status fmi2SetReal(void *c, const Reference r[], size_t n, const double v[]) { EACH(set_real(c, r[i], v[i])); }
 Status fmi2GetReal(void *c, const Reference r[], size_t n, double v[]) { EACH(get_real(c, r[i], v + i)); }
 Status fmi2SetInteger(void *c, const Reference r[], size_t n, const int v[]) { ((Stair *)c)->last = v[0]; return OK; }
@@ -176,9 +178,11 @@ Status fmi3DoStep(void *c, double t, double h, fmi3Boolean keep, fmi3Boolean *ev
     return OK;
 }
 Status fmi3EnterStepMode(void *c) { ((Stair *)c)->event_mode = 0; return OK; }
+#ifndef SAVES
 Status fmi3GetFMUState(void *c, fmi3FMUState *s) { return keep(c, s); }
 Status fmi3SetFMUState(void *c, fmi3FMUState s) { return go_back(c, s); }
 Status fmi3FreeFMUState(void *c, fmi3FMUState *s) { free(*s); *s = NULL; return OK; }
+#endif
 Status fmi3SetFloat64(void *c, const Reference r[], size_t n, const double v[], size_t nv) { EACH(set_real(c, r[i], v[i])); }
 Status fmi3GetFloat64(void *c, const Reference r[], size_t n, double v[], size_t nv) { EACH(get_real(c, r[i], v + i)); }
 Status fmi3SetInt32(void *c, const Reference r[], size_t n, const int v[], size_t nv) { ((Stair *)c)->last = v[0]; return OK; }
@@ -187,6 +191,6 @@ Status fmi3GetInt32(void *c, const Reference r[], size_t n, int v[], size_t nv) 
 
 #ifdef SAVES
 #define SAVED Stair
-static void keep(Stair *s, const Stair *own) { if (SAVES == 2) s->event_mode = own->event_mode; }
+static void leave(Stair *s, const Stair *own) { if (SAVES == 2) s->event_mode = own->event_mode; }
 #include "saving.h"
 #endif

@@ -137,16 +137,19 @@ def test_the_end_that_an_fmu_asks_for(saving, write, tmp_path, kind, mode):
         fmu=saving(kind, states=1),
     )  # fmt: skip
     outcome = check(run.load(write(text), ["record={signals: [plant.x]}"]), tmp_path, (1.3,))
-    assert outcome.status == "terminated" and "ended the simulation at t = 2.1 s" in str(outcome.termination)
+    assert outcome.status == "completed" and "ended the simulation at t = 2.1 s" in str(outcome.termination)
 
 
 def test_warnings_are_counted_over_all_parts_of_a_run(saving, fleet, tmp_path):
-    network = fleet(saving("2"), "co-simulation", more="fault: 7, fault_time: [0.1, 0.2, 0.3]")
+    more, log = "fault: 7, fault_time: [0.1, 0.2, 0.3]", tmp_path / "plant.log"
+    network = fleet(saving("2"), "co-simulation", more=more, log="all", log_file=log)
     outcome = check(network, tmp_path, (0.15, 0.5))
     (warning,) = [str(w) for w in outcome.warnings if "returned a warning" in str(w)]
     count = 91 + 81 + 71  # steps of 10 ms that end from the time of the fault on, to 1 s
     assert f"{count} calls returned a warning, first at t = 0.09 s; {count} warnings logged" in warning
     assert "it says first: just a warning at 0.1" in warning
+    said = log.read_text()  # by the last part of the run
+    assert "just a warning at 1" in said and "just a warning at 0.3" not in said
 
 
 # ---- our own ----
