@@ -22,6 +22,13 @@ blocks:
   b: {python: own.py:Line, start: {u: 0.0}, parameters: {k: 0.5}}
   mass: {python: own.py:Mass, start: {F: 0.0}}
   drag: {python: own.py:Drag, start: {v: 0.0, a: 0.0}}
+  cosine: {python: own.py:Cosine, start: {u: 0.0}}
+"""
+ALONE = """
+run: {{stop: 0.5, step: 0.1, method: {method}}}
+blocks:
+  one: {{fmu: {fmu}, mode: {mode}, inputs: {{u: one.y}}{more}}}
+  late: {{python: own.py:Begun, inputs: {{u: one.y}}}}
 """
 PAIR = """
 run: {{stop: 0.5, step: 0.1, method: {method}}}
@@ -51,6 +58,7 @@ blocks:
   one: {diagram: inner.yaml, inputs: {u: one.y}}
   two: {diagram: inner.yaml, inputs: {u: two.z}}
 """
+COSINE = 0.739085133215160641655312
 SUMS = """
 class Sums(Block):
     u = Input()
@@ -67,7 +75,7 @@ def folder(tmp_path_factory):
     (made / "own.py").write_text(BLOCKS)
     (made / "cut.yaml").write_text(CUT)
     network = run.load(made / "cut.yaml")
-    for block in ("a", "b", "mass", "drag"):
+    for block in ("a", "b", "mass", "drag", "cosine"):
         for version in ("2.0", "3.0"):
             export_fmu(network, [block], made / f"{block}{version[0]}.fmu", version)
     return made
@@ -91,6 +99,25 @@ def test_a_ring_of_fmus_has_its_closed_form(folder, trajectories, version, mode,
     time = 1.0 + 0.1 * np.arange(6)
     np.testing.assert_allclose(got["a.y"], -2.0 * time / 2.5, rtol=1e-12)
     np.testing.assert_allclose(got["b.y"], 1.5 * time / 2.5 - 0.0 * time, rtol=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+@pytest.mark.parametrize(
+    ("mode", "method"),
+    [
+        *[("model-exchange", method) for method in ("jacobi", "gauss-seidel", "iterated", "joint")],
+        *[("co-simulation", method) for method in ("jacobi", "gauss-seidel", "iterated")],
+    ],
+)
+@pytest.mark.parametrize("k", [0.25, 4.0, -3.0, None])
+def test_an_fmu_that_reads_itself(folder, trajectories, k, mode, method, engine):
+    """y = k y + 1 + t, and (None) y = cos y; what begins at y has begun where that is solved."""
+    fmu, more = ("cosine3.fmu", "") if k is None else ("a3.fmu", f", parameters: {{k: {k}}}")
+    (folder / "d.yaml").write_text(ALONE.format(method=method, mode=mode, fmu=fmu, more=more))
+    got = trajectories(run.load(folder / "d.yaml"), "one.y", "late.x", engine=engine)
+    y = np.full(6, COSINE) if k is None else (1.0 + 0.1 * np.arange(6)) / (1.0 - k)
+    np.testing.assert_allclose(got["one.y"], y, rtol=1e-12)
+    np.testing.assert_allclose(got["late.x"], y[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("engine", ["native", "python"])
