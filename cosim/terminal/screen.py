@@ -138,15 +138,16 @@ def print_wrapped(text: str, hanging: int, file: IO[str] | None = None) -> None:
 class Progress:
     """A bar with simulated time, speed and time left, on standard error, if a person watches; else nothing.
 
-    As a context manager around a run to `stop` (s), which calls `update(time)` whenever it can.
+    As a context manager around a run to `stop` (s), which calls `update(time)` whenever it can. resumed: whether the
+    run goes on from another time than zero, which it tells first.
     """
 
-    def __init__(self, stop: float, file: IO[str] | None = None) -> None:
+    def __init__(self, stop: float, file: IO[str] | None = None, resumed: bool = False) -> None:
         self._stop = stop
         self._file = file or sys.stderr
         self._watched = self._file.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
         self._began = time.perf_counter()
-        self._first: float | None = None  # what was told first: a run may go on from another time than zero
+        self._resumed, self._from = resumed, 0.0
         self._bar: Any = None
 
     def __enter__(self) -> Self:
@@ -156,13 +157,14 @@ class Progress:
     def update(self, simulated: float, stop: float | None = None) -> None:
         """Show how far the run is; simulated time in s. stop: its end, if that was not known before."""
         self._stop = self._stop if stop is None else stop
-        self._first = simulated if self._first is None else self._first
+        if self._resumed:
+            self._resumed, self._from, self._began = False, simulated, time.perf_counter()
         passed = time.perf_counter() - self._began
         if not self._watched or passed < PATIENCE:
             return
         if self._bar is None:
             self._open()
-        speed = (simulated - self._first) / passed
+        speed = (simulated - self._from) / passed
         left = f"{format_duration((self._stop - simulated) / speed)} left" if speed else ""
         self._bar.update(self._task, completed=simulated, total=self._stop, speed=f"{speed:.3g} × real time", left=left)
 

@@ -231,7 +231,7 @@ def test_all_that_a_step_remembers_lies_in_the_state_segment(wired, method, name
 
     def steps(first: int, last: int) -> bytes:
         one.control[tables.TICK], one.control[tables.LAST], one.control[tables.FINAL] = first, last, 1
-        assert one._host.run("run") == tables.OK
+        assert one.host.run("run") == tables.OK
         (samples,) = one.buffers.take()
         return b"".join(values.tobytes() for values in samples.values.values())
 

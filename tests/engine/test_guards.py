@@ -71,7 +71,7 @@ def test_the_loop_itself_stops_at_a_full_buffer(wired, engine_):
     groups[0, tables.CAPACITY] = 5
     buffer[5:] = -7
     one.control[tables.LAST], one.control[tables.FINAL] = one.ticks, 1
-    assert one._host.run("run") == tables.OK
+    assert one.host.run("run") == tables.OK
     assert one.done == 5 and groups[0, tables.FILLED] == 5 and one.control[tables.FINAL] == 1
     assert (buffer[5:] == -7).all()
 

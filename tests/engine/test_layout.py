@@ -25,7 +25,7 @@ blocks:
 def watched(one: Simulation, first: int, last: int) -> dict[Signal, np.ndarray]:
     """What the probes see of the steps from one to another."""
     one.control[tables.TICK], one.control[tables.LAST], one.control[tables.FINAL] = first, last, 1
-    assert one._host and one._host.run("run") == tables.OK
+    assert one.host and one.host.run("run") == tables.OK
     (samples,) = one.buffers.take()
     return {signal: values.copy() for signal, values in samples.values.items()}
 

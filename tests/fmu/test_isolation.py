@@ -106,7 +106,7 @@ def test_a_killed_server_stops_the_run(machines, fleet):
 
     def watch(time: float) -> None:
         if time > 1.0 and not killed:
-            killed.append(one.simulation._host._crew._processes["plant"].pid)
+            killed.append(one.simulation.host._crew._processes["plant"].pid)
             os.kill(killed[0], signal.SIGKILL)
 
     outcome = one.execute(watch)

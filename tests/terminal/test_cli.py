@@ -17,7 +17,7 @@ import pytest
 from cosim.results import result_file
 from cosim.terminal import cli
 
-KEYS = {"diagram", "status", "steps", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"}
+KEYS = {"diagram", "status", "steps", "time", "method", "engine", "kernels_compiled", "seconds", "metrics", "results"}
 SMALL = """
 title: small
 run: {stop: 1, step: 0.01}

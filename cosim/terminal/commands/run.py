@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     )
     certify = _certifier(run, options)
     try:
-        with screen.Progress(network.diagram.run.stop) as progress:
+        with screen.Progress(network.diagram.run.stop, resumed=options.resume) as progress:
             outcome = run.execute(progress.update)
     except NothingToResume as ended:
         return _tell_end(ended, output, options)
