@@ -86,6 +86,10 @@ def code(network: Network, kernels: Kernels) -> dict[str, str]:
 def key(shared: bytes, network: Network, program: Program) -> str:
     """The key of one member: what it shares with others (`structure`), and all its values."""
     digest = hashlib.sha256(shared)
+    if program.reference:
+        import scipy  # which it imports anyway
+
+        digest.update(scipy.__version__.encode())
     digest.update(program.arena.tobytes())
     for component in network.components.values():
         for name, array in component.values.items():

@@ -146,7 +146,7 @@ CONTROL_WORDS = 70
 ) = range(CONTROL_WORDS)
 
 ENDED, BETWEEN = 2, 3  # what ENDING becomes: at a communication point, or at an event that lies between two
-ADDRESSES = (ROWS, BANKS, FUNCTIONS, GROUPS, PROBES, PHASE)  # which are others in another process
+ADDRESSES = (ROWS, BANKS, FUNCTIONS, GROUPS, PROBES, PHASE, SOLVER)  # which are others in another process
 
 
 def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float) -> int:

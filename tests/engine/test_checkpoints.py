@@ -52,6 +52,7 @@ HOW = {
     "jacobi": "method: jacobi, integrator: rk4, extrapolation: 2",
     "gauss-seidel": "method: gauss-seidel, integrator: heun, inner_steps: 2, extrapolation: 1",
     "joint": "method: joint, integrator: dormand-prince",
+    "scipy": "method: joint, integrator: dop853, tolerance: 1.0e-6",
 }
 SMALL = """
 title: small
