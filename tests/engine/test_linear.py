@@ -37,9 +37,9 @@ def test_a_matrix_without_a_pivot_is_not_solved(bad):
 
 
 def test_an_unknown_that_nothing_determines_is_zero_and_the_others_are_solved_for():
-    """x + y + z = 3 twice, and 4 w = 8 behind it: one of x, y, z alone is 3."""
+    """2 (x + y + z) = 6, and 4 w = 8 behind what contradicts that or says it again: one of x, y, z alone is 3."""
     matrix = np.array([[1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 4.0], [2.0, 2.0, 2.0, 0.0]])
-    right, pivots, alive = np.array([3.0, 3.0, 8.0, 6.0]), np.full(4, -1), np.zeros(1, np.int64)
+    right, pivots, alive = np.array([3.0, 5.0, 8.0, 6.0]), np.full(4, -1), np.zeros(1, np.int64)
     assert factor(alive, matrix.ctypes.data, pivots, 4, 1e-12) == 0.0
     substitute(matrix.ctypes.data, pivots, right, 4)
     assert sorted(right[:3]) == [0.0, 0.0, 3.0] and right[3] == 2.0
