@@ -6,7 +6,8 @@ To be started as `tests/test_sanitizers.py` does: libasan preloaded, and a folde
 
 run     a run of the diagram
 fmu     all its blocks as one FMU, whose wrapper is watched too, by UBSan as well
-broken  a run whose buffers claim to have room for a row more than they have, which the sanitizer has to find
+broken  a run whose buffers claim to have room for a row more than they have, beside that for the end of a run at an
+        event, which the sanitizer has to find
 
 Words of the arena that belong to nobody may not be touched.
 """
@@ -138,7 +139,7 @@ def watch_run(path: str, settings: list[str], broken: bool) -> None:
     one = run.Run(run.load(path, settings))
     fence(one.simulation)
     if broken:
-        one.simulation.buffers.groups[:, tables.CAPACITY] += 1
+        one.simulation.buffers.groups[:, tables.CAPACITY] += 2
     outcome = one.execute()
     print(outcome.as_json())
     assert outcome.status == "completed", outcome.error

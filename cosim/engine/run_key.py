@@ -25,6 +25,7 @@ from cosim.compiling.fingerprint.text import fingerprint
 from cosim.compiling.kernels import Kernels
 from cosim.engine.program import Program
 from cosim.errors import Position
+from cosim.integrators import REFERENCES
 from cosim.language.diagram import Diagram, RunSettings
 from cosim.language.entry import BlockEntry
 from cosim.language.keys import INTEGRATION
@@ -86,7 +87,7 @@ def code(network: Network, kernels: Kernels) -> dict[str, str]:
 def key(shared: bytes, network: Network, program: Program) -> str:
     """The key of one member: what it shares with others (`structure`), and all its values."""
     digest = hashlib.sha256(shared)
-    if program.reference:
+    if program.network.diagram.run.integrator in REFERENCES:
         import scipy  # which it imports anyway
 
         digest.update(scipy.__version__.encode())

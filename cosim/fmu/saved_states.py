@@ -26,7 +26,8 @@ def refusal(fmu: Any, component: Any) -> CosimError | None:
     able = fmu.version.can_save
     if fmu.interface.canSerializeFMUstate:
         return None
-    message = f"block {component.name}: `{fmu.name}` cannot save its state as {fmu.mode}, as {able} is not true"
+    mode = "model-exchange" if fmu.kind == fields.MODEL_EXCHANGE else "co-simulation"
+    message = f"block {component.name}: `{fmu.name}` cannot save its state as {mode}, as {able} is not true"
     others = {"model-exchange": fmu.description.modelExchange, "co-simulation": fmu.description.coSimulation}
     can = [mode for mode, kind in others.items() if kind is not None and kind.canSerializeFMUstate]
     fix = f"{WITHOUT}, or write `mode: {can[0]}`" if can else f"{WITHOUT}, or swap the block"
