@@ -19,22 +19,27 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the keys of a section, or all. Raises: UnknownKey."""
+    known = sections()
+    if options.section and options.section not in known:
+        raise UnknownKey(f"there is no section `{options.section}`", fix=nearest(options.section, known))
+    for name in [options.section] if options.section else known:
+        say(f"{name}:")
+        print_rows([row(key, declared) for key, declared in known[name].items()], indent="  ")
+        if name == "study.variants":
+            say("  and the sections of a diagram, which lie over those of the variant's")
+        say("")
+    return 0
+
+
+def sections() -> dict[str, Mapping[str, Key]]:
+    """The keys of diagrams and studies, by section, the whole first."""
     from cosim.plot.figures import PANEL
     from cosim.study.study_keys import BOUNDS, COLUMN, STUDY
 
     of_diagram = dict(_sections(DIAGRAM, ""))
     known = {"diagram": of_diagram.pop(""), **of_diagram, **dict(_sections(STUDY, "study"))}
     known |= {"study.random.accept.SIGNAL": BOUNDS, "study.tables.TITLE.columns.HEADING": COLUMN}
-    known |= {"study.figures.NAME.panels": PANEL}
-    if options.section and options.section not in known:
-        raise UnknownKey(f"there is no section `{options.section}`", fix=nearest(options.section, known))
-    for name in [options.section] if options.section else known:
-        say(f"{name}:")
-        print_rows([_row(key, declared) for key, declared in known[name].items()], indent="  ")
-        if name == "study.variants":
-            say("  and the sections of a diagram, which lie over those of the variant's")
-        say("")
-    return 0
+    return known | {"study.figures.NAME.panels": PANEL}
 
 
 def _sections(keys: Mapping[str, Key], name: str) -> Iterator[tuple[str, Mapping[str, Key]]]:
@@ -47,7 +52,8 @@ def _sections(keys: Mapping[str, Key], name: str) -> Iterator[tuple[str, Mapping
             yield from _sections(below, f"{name}.{key}".strip("."))
 
 
-def _row(name: str, key: Key) -> list[str]:
+def row(name: str, key: Key) -> list[str]:
+    """The key, what may be written there, and what it says."""
     kind = key.type.words if key.type else _below(key)
     default = "" if key.default in (None, "", math.inf, -math.inf) else f"default {json.dumps(key.default)}"
     goes = "" if key.kinds == TYPES else f"goes with {', '.join(f'{kind}:' for kind in key.kinds)}"

@@ -1,0 +1,100 @@
+"""The documentation: every block of code in it runs, as its reader would, where only the package is installed; no link is
+broken."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+WRITTEN = ("reference/keys.md", "reference/blocks.md", "reference/commands.md")
+PAGES = sorted(p for p in DOCS.rglob("*.md") if str(p.relative_to(DOCS)) not in WRITTEN)
+FENCE = re.compile(r"^(`{3,})([\w{}-]*)(?: file=(\S+))?\n(.*?)^\1$", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"# exit code (\d+).*$")
+RUN = ("sh", "yaml", "python", "text")
+
+
+def blocks(page: Path) -> list[tuple[str, str, str]]:
+    """Language, file and text of what stands in fences."""
+    return [(language, file, text) for _, language, file, text in FENCE.findall(page.read_text(encoding="utf-8"))]
+
+
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory) -> dict[str, str]:
+    """The environment of somebody who has the package as a wheel brings it, and no clone."""
+    folder = tmp_path_factory.mktemp("installed")
+    ignore = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "cosim", folder / "site" / "cosim", ignore=ignore)
+    shutil.copytree(ROOT / "blocks", folder / "site" / "cosim" / "blocks", ignore=ignore)
+    shutil.copytree(ROOT / "diagrams", folder / "site" / "cosim" / "diagrams", ignore=ignore)
+    command = folder / "bin" / "cosim"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m cosim "$@"\n')
+    command.chmod(0o755)
+    path = f"{command.parent}{os.pathsep}{os.environ['PATH']}"
+    return {**os.environ, "PYTHONPATH": str(folder / "site"), "PATH": path, "COLUMNS": "100"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_every_block_of_a_page_runs_from_top_to_bottom_in_an_empty_folder(page, tmp_path, installed):
+    shown = ""
+    for language, file, text in blocks(page):
+        if file:
+            (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / file).write_text(text, encoding="utf-8")
+        elif language == "sh":
+            shown = "".join(run(line, tmp_path, installed) for line in re.sub(r"\\\n", " ", text).splitlines())
+        elif language == "text":
+            assert printed(text, shown), f"it says\n{text}\nand what is printed is\n{shown}"
+        else:
+            assert language in ("{list-table}", "{toctree}", "{eval-rst}", "console"), language
+
+
+def run(line: str, folder: Path, environment: dict[str, str]) -> str:
+    """What a line of the shell prints, which ends as it says."""
+    wanted = CODE.search(line)
+    done = subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == int(wanted[1] if wanted else 0), f"{line}\n{done.stdout}{done.stderr}"
+    assert "Traceback" not in done.stderr, done.stderr
+    return done.stdout
+
+
+def printed(text: str, shown: str) -> bool:
+    """Whether a text, in which an ellipsis stands for anything, is what was printed; white space aside."""
+    lines = [" ".join(line.split()) for line in text.splitlines()]
+    pattern = r"\n".join(r"(.|\n)*" if line == "…" else re.escape(line).replace("…", ".*") for line in lines)
+    return (
+        re.fullmatch(rf"\s*{pattern}\s*", "\n".join(" ".join(line.split()) for line in shown.splitlines())) is not None
+    )
+
+
+def test_what_a_page_says_is_printed_is_looked_at():
+    assert printed("a  b\n…\nc … e\n", "a b\nx\ny\nc   d e\n")
+    assert not printed("a\nb\n", "a\nc\n")
+    assert not printed("a\n", "a\nb\n")
+
+
+def test_no_page_has_code_that_nothing_runs():
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert len(blocks(page)) == len(re.findall(r"^`{3,}", text, re.MULTILINE)) / 2, page
+        assert not [b for b in blocks(page) if b[0] in ("yaml",) and not b[1]], f"{page}: which file is it?"
+
+
+def test_the_documentation_is_built_without_a_warning(tmp_path):
+    """So all links between pages and to files lead somewhere, and all pages are in the table of contents."""
+    ignore = shutil.ignore_patterns("__pycache__", *(Path(name).name for name in WRITTEN))
+    shutil.copytree(DOCS, tmp_path / "docs", ignore=ignore)
+    shutil.copytree(ROOT / "diagrams", tmp_path / "diagrams", ignore=shutil.ignore_patterns("results"))
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", tmp_path / "docs", tmp_path / "built"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "SlidingModeDifferentiator" in (tmp_path / "built" / "reference" / "blocks.html").read_text(encoding="utf-8")
