@@ -28,7 +28,7 @@ UNWRITTEN: dict[Any, Any] = {
 #: a weighted sum of slopes, and derivatives.
 VECTORS = ("X", "W", "BEGUN", "SUM", "D")
 #: Those over all indicators: see `tables`.
-CROSSINGS = ("Z", "WAS", "HIGH", "DIRECTION")
+CROSSINGS = ("Z", "WAS", "HIGH", "DIRECTION", "TOUCHED")
 
 
 class Layout(Allocation):
@@ -58,7 +58,6 @@ class Layout(Allocation):
         self._unknowns: dict[Loop, int] = {}
         self._lay_out_states()
         self._lay_out_published()
-        self._lay_out_indicators()
         components = self.network.components.values()
         for component in components:
             self._lay_out_hidden(component)
@@ -70,6 +69,7 @@ class Layout(Allocation):
             for port in component.couplings:
                 remember(self, component, port)
         self.changing = self.allocate(0)
+        self._lay_out_indicators()
         for component in components:
             for parameter in component.declaration.of(Parameter):
                 self._lay_out(component, parameter, dense=False)
@@ -168,7 +168,7 @@ class Layout(Allocation):
                 self.published[kind] = begin, (self.size - begin) // np.dtype(kind).itemsize
 
     def _lay_out_indicators(self) -> None:
-        """All indicators side by side, several times: see CROSSINGS."""
+        """All indicators side by side, several times: see CROSSINGS. Whoever goes back in time keeps them."""
         several = [(c, v) for c in self.network.watched for v in c.declaration.of(Indicator)]
         self.indicators = sum(c.count * c.nbytes(v) for c, v in several) // 8
         for name in CROSSINGS:

@@ -83,6 +83,8 @@ def attempt(c: Any, base: int, control: int, bound: int) -> int:
         c[ENDING] = ENDED
         return status
     for _ in range(MOST_EVENTS):
+        if status <= WARNING and c[N_INDICATORS] != 0:
+            status = linger(c, base, control, begun, time_at(c, control, k + n))
         n, reached, status = stretch(c, base, control, status, begun, n)
         if status <= WARNING and c[N_INDICATORS] != 0:
             reached = cross(c, base, control, begun, reached)
@@ -100,8 +102,6 @@ def attempt(c: Any, base: int, control: int, bound: int) -> int:
         if c[ENDING] != 0:
             c[TICK], c[ENDING], numbers[ENDED_AT] = k + n, BETWEEN, reached
             return status
-        if c[N_INDICATORS] != 0:
-            status = linger(c, base, control, reached, end)
         begun = reached
     return RESTLESS
 

@@ -71,7 +71,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 70
+CONTROL_WORDS = 71
 (
     ROWS,
     BANKS,
@@ -128,6 +128,7 @@ CONTROL_WORDS = 70
     WAS,  # what they were when they were looked at last
     HIGH,  # what they are beyond a crossing
     DIRECTION,  # how they have crossed
+    TOUCHED,  # 1 for those that an event has crossed or changed, whose signs count a moment later; else 0
     WANTED,  # which crossings are events: 1 upwards, -1 downwards, 0 both, float64 numbers
     WATCHED,  # whose indicators they are
     N_WATCHED,
