@@ -25,7 +25,7 @@ from cosim.accuracy.refinement import (
     why_not_parts,
 )
 from cosim.accuracy.signal_accuracy import SignalJudge
-from cosim.errors import NoCertificate, UsageError
+from cosim.errors import CosimError, NoCertificate, UsageError
 from cosim.results.formatting import format_seconds
 from cosim.wiring.network import Network, Signal
 
@@ -39,7 +39,8 @@ ENDINGS = {"diverged": "diverges", "failed": "fails", "terminated": "is ended"}
 class Certificate:
     """How sure the figures of a diagram are. steps: those that were compared (s). notes: what to bear in mind.
 
-    runs: how many, and cost: as how many runs of the diagram; seconds: of wall-clock time.
+    runs: how many, and cost: as how many runs of the diagram; seconds: of wall-clock time. warnings: of what is
+    unstable at the diagram's step, where all figures may agree and be wrong.
     """
 
     diagram: str
@@ -51,6 +52,7 @@ class Certificate:
     runs: int = 0
     cost: float = 0.0
     seconds: float = 0.0
+    warnings: list[CosimError] = field(default_factory=list)
 
     @property
     def changing(self) -> list[str]:
@@ -65,6 +67,7 @@ class Certificate:
         }
         content |= {"method": self.method, "steps": list(self.steps), "runs": self.runs, "cost": self.cost}
         content |= {"seconds": round(self.seconds, 6), "notes": self.notes, "changing": self.changing}
+        content |= {"warnings": list(map(str, self.warnings))} if self.warnings else {}
         for name in ("metrics", "signals"):
             content[name] = {key: accuracy.as_json() for key, accuracy in getattr(self, name).items()}
         return content
@@ -107,6 +110,7 @@ def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
     parts = set() if why else {*INTEGRATION, *COUPLING}
     observed = runs.observe({*TOTAL, *parts, *elsewhere(network)})
     made = _begun(network, observed)
+    made.warnings += observed[TOTAL[0]].unstable
     made.notes += [f"coupling and integration are not told apart: {why}"] if why else []
     doubts = sampled_by_the_step(network)
     with SignalJudge(observed, *_theory(network)) as judge:

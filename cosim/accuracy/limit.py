@@ -97,9 +97,12 @@ def checked(found: Fall, strays: float, ends: float, noise: float, margin: float
     Three steps of which each divides the one before have all their points in common. So whatever happens a little after
     one of these, between two steps, is as wrong in all three, and the differences do not show it.
 
-    ends: the distance between the figures at h and h/4. margin: by how much more it may have strayed with other luck.
+    ends: the distance between the figures at h and h/4. strays: without an order, from the figure at h. margin: by how
+    much more it may have strayed with other luck.
     """
-    if found.kind == NO_ORDER or strays <= STRAYING * ends + 2.0 * noise:
+    if found.kind == NO_ORDER:  # three steps that agree by their common points are no surer than the fourth has it
+        return Fall(NO_ORDER, None, max(found.rest, strays))
+    if strays <= STRAYING * ends + 2.0 * noise:
         return found
     return Fall(NO_ORDER, None, max(2.0 * found.rest, margin * strays))
 

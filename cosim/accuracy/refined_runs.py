@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.accuracy.observed import Observed
-from cosim.accuracy.refinement import Refinement, settings
+from cosim.accuracy.refinement import TOTAL, Refinement, settings
 from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program
 from cosim.engine.outcome import Outcome
 from cosim.engine.program import Program
 from cosim.engine.run import ENGINES, Run
-from cosim.errors import DiagramErrors
+from cosim.errors import CosimError, DiagramErrors
 from cosim.machine.interruption import Interrupted
 from cosim.study import executors
 from cosim.study.variants import has_foreign
@@ -28,12 +28,16 @@ NetworkOf = Callable[[Sequence[str]], Network]
 
 @dataclass
 class Observation:
-    """A run that has ended. step: in s; file: where its signals are recorded, if they are."""
+    """A run that has ended. step: in s; file: where its signals are recorded, if they are.
+
+    unstable: warnings of what is unstable at the diagram's own step.
+    """
 
     step: float
     outcome: Outcome
     observed: Observed
     file: Path | None = None
+    unstable: Sequence[CosimError] = ()
 
 
 class RefinedRuns:
@@ -90,6 +94,7 @@ class RefinedRuns:
         output = self._folder / name if self._folder else None
         run = Run(network, self._engine, output, prepared=(built, self._compiled(built)))
         run.reductions = Observed(network, refinement.steps)
+        run.looks = refinement == TOTAL[0]
         return run
 
     def _is_python(self) -> bool:
@@ -118,4 +123,4 @@ class RefinedRuns:
         if outcome.status == "interrupted":
             raise Interrupted(outcome.signal or signal.SIGINT)
         assert isinstance(run.reductions, Observed)
-        return Observation(run.network.diagram.run.step, outcome, run.reductions, run.output)
+        return Observation(run.network.diagram.run.step, outcome, run.reductions, run.output, run.unstable)

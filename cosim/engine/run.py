@@ -84,8 +84,8 @@ class Run:
         self.reductions = Reductions(network)
         self._program = prepared[0] if prepared else program.build(network, settings.method)
         self._kernels = prepared[1] if prepared else None
-        self._prepared = prepared is not None
-        self._unstable: list[CosimError] = []  # of what is prepared, for many runs, nobody asks
+        self.looks = prepared is None  # whether equal steps are stable: of many runs nobody asks
+        self.unstable: list[CosimError] = []
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self._executed = False
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
@@ -203,8 +203,8 @@ class Run:
     def _look(self, wanted: Callable[[], bool]) -> float:
         """Look whether equal steps are stable, which is part of the setup; how long that takes (s)."""
         began = clock.perf_counter()
-        if self._kernels and not self._prepared:
-            self._unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
+        if self._kernels and self.looks:
+            self.unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
         spent = clock.perf_counter() - began
         self.seconds["setup"] += spent
         return spent
@@ -237,7 +237,7 @@ class Run:
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[*self.reductions.warnings, *self._unstable, *warnings, *failed, *coarse],
+            warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse],
             conditions=judged,
             units=self.reductions.units,
             windows=self.reductions.windows,

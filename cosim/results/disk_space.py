@@ -1,4 +1,8 @@
-"""Space on the disk, set aside before HDF5 writes: when a write fails, HDF5 loses the file, and then its process."""
+"""Space on the disk, set aside before HDF5 writes: when a write fails, HDF5 loses the file, and then its process.
+
+The head of the file says at once that the space is part of it. HDF5 says so only after all else, and a kill before that
+would leave an index that points behind the end: a file that nobody opens any more.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from cosim.results.result_errors import FULL
 
 INDEX_BYTES, NODE_BYTES = 256, 8 * 1024  # at most, of HDF5's index: for a chunk, and for a new node
 CLOSING_BYTES = 256 * 1024  # for the attributes written last
+END_OF_FILE = 40  # where the earliest format's head has the file's size, as 8 bytes
 
 
 def reserve(file: Any, variables: Sequence[Any], count: int, rows: int) -> tuple[int, OSError | None]:
@@ -40,7 +45,7 @@ def reserve_bytes(file: Any, size: int) -> None:
 
 def give_back(file: Any) -> None:
     """Cut off what was set aside and is not used."""
-    os.ftruncate(file.id.get_vfd_handle(), file.id.get_filesize())
+    _end_at(file, file.id.get_filesize())
 
 
 def _needed(variables: Sequence[Any], before: int, after: int) -> int:
@@ -60,8 +65,19 @@ def _set_aside(file: Any, size: int) -> None:
         os.posix_fallocate(descriptor, end, size)
     except (AttributeError, OSError) as error:
         if getattr(error, "errno", None) in FULL:
-            os.ftruncate(descriptor, end)  # a part may have been set aside
+            _end_at(file, end)  # a part may have been set aside
             raise
         # This system, or this file system, cannot reserve; it can still say what is left.
         if shutil.disk_usage(Path(file.filename).parent).free < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+    _end_at(file, end + size)
+
+
+def _end_at(file: Any, size: int) -> None:
+    """Have the file and its head agree on a size; at no instant does the head say more than there is."""
+    descriptor = file.id.get_vfd_handle()
+    if os.fstat(descriptor).st_size < size:
+        os.ftruncate(descriptor, size)
+    if hasattr(os, "pwrite"):  # any other way to write there moves HDF5's own place in the file
+        os.pwrite(descriptor, size.to_bytes(8, "little"), END_OF_FILE)
+    os.ftruncate(descriptor, size)

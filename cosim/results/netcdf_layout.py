@@ -30,7 +30,9 @@ def create(file: Any, signals: Iterable[Recorded]) -> None:
             if name not in scales:
                 scales[name] = _create_scale(file, name, size, is_member=bool(signal.fleet) and axis == 0)
     for signal, dimensions in layout:
-        _create_variable(file, signal, [scales["time"], *(scales[name] for name, _ in dimensions)])
+        variable = _create_variable(file, signal, [scales["time"], *(scales[name] for name, _ in dimensions)])
+        _create_index(variable)
+    _create_index(scales["time"])
 
 
 def variables(file: Any) -> dict[str, Any]:
@@ -39,6 +41,12 @@ def variables(file: Any) -> dict[str, Any]:
     if any(thing is None for thing in things):  # h5py's word for a link that leads nowhere
         raise ValueError("it is damaged")
     return {thing.attrs["signal"]: thing for thing in things if "signal" in thing.attrs}
+
+
+def rows(variable: Any) -> int:
+    """How many there are: a kill may leave a variable that has grown without the chunks, which would be read as 0."""
+    chunks: int = variable.id.get_num_chunks()
+    return min(len(variable), chunks * variable.chunks[0])
 
 
 def described(variable: Any) -> Recorded:
@@ -94,7 +102,7 @@ def _create_scale(file: Any, name: str, size: int, is_member: bool) -> Any:
     return scale
 
 
-def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> None:
+def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> Any:
     if 0 in signal.shape:
         raise ResultError(f"`{signal.name}` has no elements", fix="leave it out of `record`")
     dtype, shape = stored_type(signal), signal.shape
@@ -108,3 +116,12 @@ def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> None
     about |= {"long_name": signal.description, "causality": signal.causality, "fleet": signal.fleet}
     about |= {"dtype": "bool" if np.dtype(signal.dtype).kind == "b" else ""}  # as xarray notes it
     variable.attrs.update({key: text for key, text in about.items() if text})
+    return variable
+
+
+def _create_index(variable: Any) -> None:
+    """HDF5 makes it with the first chunk, behind the header that points to it: a kill in between leaves no index."""
+    chunk = bytes(prod(variable.chunks) * variable.dtype.itemsize)
+    variable.id.set_extent((1, *variable.shape[1:]))
+    variable.id.write_direct_chunk((0,) * variable.ndim, chunk)
+    variable.id.set_extent((0, *variable.shape[1:]))

@@ -37,7 +37,7 @@ class Result:
                 raise ResultError(f"{self.path} is no result of a run", fix=FIXES["read"])
             self._variables = netcdf_layout.variables(self._file)
             # Killed in the middle of a flush, a writer leaves some variables longer than others.
-            self._count = min(len(variable) for variable in [self._file["time"], *self._variables.values()])
+            self._count = min(map(netcdf_layout.rows, [self._file["time"], *self._variables.values()]))
             self.times: Array = self._file["time"][: self._count]
             self.signals = {name: netcdf_layout.described(variable) for name, variable in self._variables.items()}
 

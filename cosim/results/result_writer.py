@@ -107,6 +107,7 @@ class ResultWriter:
         """
         self.flush()
         with as_result_error("write", self.path):
+            disk_space.give_back(self._file)
             os.fsync(self._file.id.get_vfd_handle())
             self._sum_up()
             image = result_image.image_of(self.path, self._all, self._count)

@@ -32,6 +32,14 @@ def test_one_power_of_the_step_is_found_to_rounding(order, coefficient):
     assert found.low < 0.0 < found.high
 
 
+def test_three_steps_that_agree_without_an_order_are_no_surer_than_the_fourth():
+    """As where something slides from a point on that all three have in common: x(2 s) is 0, they say -4.287842e-4."""
+    figures = -0.00042878422337265, -0.00042878630043271084, -0.00042878643012725696
+    found = limit(figures, 4, 1e-15, believed=False, elsewhere=(ELSEWHERE, 0.0365))
+    assert found.kind == NO_ORDER and found.low < 0.0 < found.high
+    assert found.error(figures[0]) == pytest.approx(0.0365 - figures[0])
+
+
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1.5, 1.5))
 def test_an_order_that_is_believed_is_right_within_a_factor_of_three(a, b, c, scale):
     """Two and three powers, of any signs: whoever claims an order, also a wrong one, knows the error."""

@@ -62,6 +62,22 @@ def rows(text: str) -> dict[str, list[str]]:
     return {words[0]: words[1:] for line in text.splitlines() if (words := line.split())}
 
 
+def test_what_is_unstable_at_all_steps_is_warned_of(cosim):
+    """Euler at h k = -40, -20, -10: what is reduced is the same at all of them, and the run is worth nothing."""
+    text = """
+run: {stop: 1, step: 0.1}
+blocks: {a: {type: Decay, parameters: {k: -400}, start: {x: -1}}}
+metrics: {low: {signal: a.x, reduce: min, to: 0}}
+"""
+    code, out, err = cosim("accuracy", text)
+    assert code == 0 and "rounding" in out
+    assert "warning: block a: at the start h·|λ| = 40 is beyond the stability limit 2 of euler" in err
+    _, out, _ = cosim("accuracy", text, "--json")
+    assert "beyond the stability limit" in json.loads(out)["warnings"][0]
+    _, out, err = cosim("accuracy", text, "--set", "blocks.a.parameters.k=-4")
+    assert not err and "limit" not in out
+
+
 def test_the_tables_say_error_order_and_parts(cosim):
     code, out, err = cosim("accuracy", DECAY)
     assert (code, err) == (0, "")

@@ -63,6 +63,7 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(for_json(made.as_json()), ensure_ascii=False))
     else:
         accuracy_display.show(made)
+    screen.print_warnings(made.warnings)
     if options.plot:
         error_lines.draw(made.steps, _relative(made), options.plot)
     return UNCERTAIN if made.changing else DONE
