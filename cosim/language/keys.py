@@ -12,7 +12,7 @@ from typing import Any
 
 from cosim.errors import WrongType, WrongValue
 from cosim.integrators import KNOWN
-from cosim.language.reader import MOST, Reader
+from cosim.language.reader import MOST, Reader, is_constant
 from cosim.language.source import Node, describe
 
 ANY = "*"
@@ -119,9 +119,16 @@ def _size(reader: Reader, node: Node, where: str, _: Any) -> int | None:
 
 
 def _sources(reader: Reader, node: Node, where: str, _: Any) -> Any:
-    """What an input reads; an empty list where a mistake keeps that from being known."""
+    """What an input reads, or its constant; an empty list where a mistake keeps that from being known."""
     if node.value == []:
         reader.wrong(node, f"`{where}` is an empty list", "name what it reads, such as plant.x", WrongValue)
+    if is_constant(node):
+        return node.value
+    if isinstance(node.value, list) and (constant := next(filter(is_constant, node.value), None)):
+        message = f"`{where}` lists {describe(constant)} beside what it reads"
+        fix = "write block.port here too, or numbers only, for a constant"
+        reader.wrong(constant, message, fix, WrongValue)
+        return []
     return node.value if reader.endpoints(node, where) else []
 
 
@@ -178,7 +185,7 @@ def _order(reader: Reader, node: Node, where: str, _: Any) -> tuple[str, ...]:
 
 
 SIZE = Type(_size, "whole number from 1")
-SOURCES = Type(_sources, "block.port, or a list of such")
+SOURCES = Type(_sources, "block.port, or a list of such; or a constant, as of parameters")
 LOG = Type(_log, f"{' | '.join(LOGS)}, or a list of its categories")
 VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for x_1, x_2, x_3")
 ORDER = Type(_order, "list of blocks")

@@ -81,7 +81,7 @@ class Value:
             return replace(self, content=[part.with_items(items) for part in self.content])
         if isinstance(self.content, str) and self.content in items:
             return replace(self, content=items[self.content])
-        if isinstance(self.content, str) and not _is_arithmetic(self.content):
+        if isinstance(self.content, str) and not expression.is_arithmetic(self.content):
             message = f"`{self.content}` is none of the items {', '.join(f'`{name}`' for name in items)}"
             raise WrongValue(message, self.position, nearest(self.content, items))
         return self
@@ -109,12 +109,3 @@ class Value:
         if dtype.kind == "f" and math.isfinite(number) and abs(number) > float(np.finfo(dtype).max):
             raise WrongValue(f"{number:g} does not fit {dtype}", self.position, f"at most {np.finfo(dtype).max:g}")
         return dtype.type(number)
-
-
-def _is_arithmetic(text: str) -> bool:
-    """Whether a text is an expression, perhaps in the number of a fleet's member."""
-    try:
-        expression.check(text, expression.OF_A_FLEET)
-    except ExpressionError:
-        return False
-    return True
