@@ -7,7 +7,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 
 from cosim.errors import Problems, UnknownKey, WrongType, WrongValue, nearest
-from cosim.language.keys import ANY, DIAGRAM, Key
+from cosim.language.keys import ADDS, ANY, DIAGRAM, Key
 from cosim.language.source import Node, describe
 
 _VALUE = Key("")
@@ -30,6 +30,12 @@ def conform(
     entries: dict[str, Node] = {}
     for written, child in node.value.items():
         key = written
+        if written.endswith(ADDS) and (ANY in grammar or written.removesuffix(ADDS) in grammar):
+            if over and isinstance(child.value, list):
+                entries[written] = child
+            else:
+                problems.add(_no_addition(node, written, name))
+            continue
         if ANY not in grammar and key not in grammar:
             where = f"`{name}`" if name else "a diagram"
             problems.add(UnknownKey(f"{where} has no key `{key}`", child.place, nearest(key, grammar)))
@@ -45,9 +51,30 @@ def conform(
             entries[key] = conform(child, problems, below, where, layered or declared.layer)
         elif layered and not child.blank:
             entries[key] = child
-        elif not child.blank:
-            message = f"`{where}: ~` takes away what an overlay's base says of it, and nothing does"
-            problems.add(WrongValue(message, child.place, "remove this line"))
-        elif ANY in grammar or not declared.below:
-            problems.add(WrongValue(f"`{where}` has no value", child.place, "write one, or `~` to have none"))
+        elif not child.blank or ANY in grammar or not declared.below:
+            problems.add(_nothing(child, where))
     return replace(node, value=entries)
+
+
+def _nothing(node: Node, where: str) -> WrongValue:
+    """The mistake of a key without a value, or of one that takes away what is not there."""
+    if node.blank:
+        return WrongValue(f"`{where}` has no value", node.place, "write one, or `~` to have none")
+    message = f"`{where}: ~` takes away what an overlay's base says of it, and nothing does"
+    return WrongValue(message, node.place, "remove this line")
+
+
+def _no_addition(node: Node, key: str, name: str) -> WrongValue:
+    """The mistake of a key `name+` that adds to nothing."""
+    short, added = key.removesuffix(ADDS), node.value[key]
+    where, there = f"{name}.{short}".strip("."), node.value.get(short)
+    if not isinstance(added.value, list):
+        message = f"`{where}{ADDS}` adds a list to a list, and this is {describe(added)}"
+        return WrongValue(message, added.place, f"write {key}: [{added.plain()}]")
+    if there is None:
+        message = f"`{where}{ADDS}` adds to the list `{short}` of an overlay's base, and there is none"
+        return WrongValue(message, added.place, f"write `{short}:`, or correct the name or `extends`")
+    if isinstance(there.value, list):
+        return WrongValue(f"`{where}` stands beside `{key}`", added.place, "write one list")
+    message = f"`{where}{ADDS}` adds to a list, and `{short}` is {describe(there)}"
+    return WrongValue(message, added.place, f"write `{short}:`, as a whole")

@@ -16,6 +16,8 @@ from cosim.language.reader import MOST, Reader, is_constant
 from cosim.language.source import Node, describe
 
 ANY = "*"
+ADDS = "+"
+"""How a key of an overlay ends that adds to the list of that name."""
 TYPES = ("block", "python", "fmu", "diagram")
 NATIVE = ("block", "python", "fmu")
 METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")

@@ -33,6 +33,7 @@ from cosim.errors import (
     nearest,
 )
 from cosim.language import diagram, overlay
+from cosim.language.keys import ADDS
 from cosim.language.reader import is_constant
 from cosim.language.source import Node
 from cosim.language.values import Value
@@ -232,6 +233,8 @@ class Variants:
             entries["metrics"] = replace(entries.get("metrics", tree), value=chosen)
         if study.record is None:
             entries.pop("record", None)
+        elif any(key.endswith(ADDS) for key in study.record.value):
+            return overlay.merge(replace(tree, value=entries), Node({"record": study.record}, place))
         elif study.record.value:
             entries["record"] = study.record
         return replace(tree, value=entries)

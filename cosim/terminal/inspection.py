@@ -65,7 +65,9 @@ def _print_conditions(overview: Overview) -> None:
 
 def _row(part: ComponentOverview) -> list[str]:
     wires = [
-        f"{w.port}{TIED}={TIED}{w.constant}" if w.constant else f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}"
+        f"{w.port}{TIED}={TIED}{w.constant}"
+        if w.constant
+        else f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}"
         for w in part.wires
     ]
     return [part.name, part.type if part.count is None else f"{part.count} × {part.type}", "; ".join(wires)]

@@ -16,9 +16,9 @@ _SHOWN = 40
 
 @dataclass(frozen=True)
 class Wired:
-    """An input and what it reads, or its constant in words. dealt: the fleets dealt to the members of another, one each.
+    """An input and what it reads, or its constant in words.
 
-    "" among them is an axis that is no fleet's.
+    dealt: the fleets whose members are dealt to those of another, one each. "" among them is an axis that is no fleet's.
     """
 
     port: str

@@ -107,7 +107,7 @@ MISTAKES = {
         "remove it",
     ),
     "an empty list of sources": ("u: source.y", "u: []", 10, "`blocks.lag.inputs.u` is an empty list", "plant.x"),
-    "a number for a source": ("u: source.y", "u: 5", 10, "form block.port, not `5`", "plant.x"),
+    "a number among sources": ("u: source.y", "u: [source.y, 5]", 10, "lists `5` beside what it reads", "block.port"),
     "a window that ends before it begins": (
         "reduce: max",
         "reduce: max, from: 0.8, to: 0.2",
