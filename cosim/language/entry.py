@@ -27,7 +27,7 @@ class BlockEntry:
 
     kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars, expressions
     or nested lists of them. inputs: `block.port` or a list of such, or a constant as of parameters.
-    dimensions: whole numbers from 1. ports: our name → the FMU's variable, or nested lists of such. settings: the values
+    dimensions: whole numbers from 1. ports: our name → the FMU's variable, or nested lists of such. settings: values
     of SETTINGS that it gives, in range.
     Of what was written for a type that this one replaces, dropped is what `drop:` names, and unfit what goes with no
     block of this kind.

@@ -27,18 +27,14 @@ def conform(
         message = f"`{name}` must be a mapping, not {describe(node)}"
         problems.add(WrongType(message, node.position, "write lines of `key: value` below it"))
         return replace(node, value={})
-    entries: dict[str, Node] = {}
+    entries = _additions(node, problems, grammar, name, over)
     for written, child in node.value.items():
         key = written
-        if written.endswith(ADDS) and (ANY in grammar or written.removesuffix(ADDS) in grammar):
-            if over and isinstance(child.value, list):
-                entries[written] = child
-            else:
-                problems.add(_no_addition(node, written, name))
+        if _adds(written, grammar):
             continue
         if ANY not in grammar and key not in grammar:
-            where = f"`{name}`" if name else "a diagram"
-            problems.add(UnknownKey(f"{where} has no key `{key}`", child.place, nearest(key, grammar)))
+            message = f"{f'`{name}`' if name else 'a diagram'} has no key `{key}`"
+            problems.add(UnknownKey(message, child.place, nearest(key, grammar)))
             meant = get_close_matches(key, grammar, n=1, cutoff=0.5)
             if not meant or meant[0] in node.value:
                 continue
@@ -62,6 +58,24 @@ def _nothing(node: Node, where: str) -> WrongValue:
         return WrongValue(f"`{where}` has no value", node.place, "write one, or `~` to have none")
     message = f"`{where}: ~` takes away what an overlay's base says of it, and nothing does"
     return WrongValue(message, node.place, "remove this line")
+
+
+def _adds(key: str, grammar: Mapping[str, Key]) -> bool:
+    """Whether a key says that it adds to the list of another."""
+    return key.endswith(ADDS) and (ANY in grammar or key.removesuffix(ADDS) in grammar)
+
+
+def _additions(node: Node, problems: Problems, grammar: Mapping[str, Key], name: str, over: bool) -> dict[str, Node]:
+    """What is to be added to lists of which a tree lies over; elsewhere each is a mistake, as there was none to add to."""
+    found: dict[str, Node] = {}
+    for key, child in node.value.items():
+        if not _adds(key, grammar):
+            continue
+        if over and isinstance(child.value, list):
+            found[key] = child
+        else:
+            problems.add(_no_addition(node, key, name))
+    return found
 
 
 def _no_addition(node: Node, key: str, name: str) -> WrongValue:

@@ -18,7 +18,7 @@ _SHOWN = 40
 class Wired:
     """An input and what it reads, or its constant in words.
 
-    dealt: the fleets whose members are dealt to those of another, one each. "" among them is an axis that is no fleet's.
+    dealt: the fleets whose members are dealt to those of another, one each; "" is an axis that is no fleet's.
     """
 
     port: str

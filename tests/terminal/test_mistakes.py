@@ -157,7 +157,7 @@ def test_a_mistake_is_named_with_its_place_and_its_fix(write, capsys, mistake):
 
 TOLD_ONCE = (
     "an empty list of sources",
-    "a number for a source",
+    "a number among sources",
     "a window that ends before it begins",
     "a stop too large for a float",
     "a text for a size",
