@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import Position, UnknownKey, WrongValue, nearest
+from cosim.language.data_files import FromFile
 from cosim.language.keys import BLOCK, NATIVE, TYPES, WIRE, read_named, read_value
 from cosim.language.reader import Reader, is_constant
 from cosim.language.source import Node, describe
@@ -80,8 +81,12 @@ class BlockEntry:
             if key in self.settings:
                 result[key] = self.settings[key].plain()
             elif BLOCK[key].below and (entries := getattr(self, key)):
-                result[key] = {name: node.plain() for name, node in entries.items()}
+                result[key] = {name: _plain(node, folder) for name, node in entries.items()}
         return result
+
+
+def _plain(node: Node, folder: Path) -> Any:
+    return node.value.plain(folder) if isinstance(node.value, FromFile) else node.plain()
 
 
 def read_entry(name: str, node: Node, reader: Reader, others: Iterable[str] = ()) -> BlockEntry | None:

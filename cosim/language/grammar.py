@@ -66,7 +66,7 @@ def _adds(key: str, grammar: Mapping[str, Key]) -> bool:
 
 
 def _additions(node: Node, problems: Problems, grammar: Mapping[str, Key], name: str, over: bool) -> dict[str, Node]:
-    """What is to be added to lists of which a tree lies over; elsewhere each is a mistake, as there was none to add to."""
+    """What a tree that lies over another adds to its lists; elsewhere each is a mistake, for want of a list."""
     found: dict[str, Node] = {}
     for key, child in node.value.items():
         if not _adds(key, grammar):

@@ -28,6 +28,9 @@ from cosim.language.keys import ADDS, ANY, DIAGRAM, TYPES, Key
 from cosim.language.source import Node, describe
 
 MOST_LAYERS = 100
+_VALUES = ("parameters", "start")
+_RIVALS = {"file": ("sha256",), "column": ("array",), "array": ("column",)}
+"""What a value in a file loses as a layer says that it is another one."""
 
 
 def read_layers(path: Path, problems: Problems, named_at: Position | None = None) -> tuple[Node, list[Path]]:
@@ -77,6 +80,10 @@ def merge(base: Node, over: Node, path: tuple[str, ...] = ()) -> Node:
         else:
             entries.pop(f"{key}{ADDS}", None)  # what was to be added to what this replaces
             entries[key] = merge(entries[key], node, (*path, key)) if key in entries else node
+    for key in over.value if path[2:] and path[2] in _VALUES else ():
+        for rival in _RIVALS.get(key, ()):
+            if rival not in over.value:
+                entries.pop(rival, None)
     if retyped:
         _note_replaced(base.value, entries)
     return replace(over if retyped and over.position.line else base, value=entries)
@@ -248,7 +255,7 @@ def _match(
     if not grammar:
         value = "nothing" if node.value is None else describe(node)
         raise UnknownSetting(f"`{where}` is {value} and has no `{path[0]}`", position, f"set `{where}` as a whole")
-    is_value_list = ANY in grammar and not grammar[ANY].below and done[0] != "fleets"
+    is_value_list = ANY in grammar and (grammar[ANY].type or not grammar[ANY].below) and done[0] != "fleets"
     if is_value_list and not path[-1].isdecimal():
         return ".".join(path), []
     if ANY in grammar and len(path) == 1 and done[0] in ("blocks", "metrics"):

@@ -33,6 +33,7 @@ from cosim.errors import (
     nearest,
 )
 from cosim.language import diagram, overlay
+from cosim.language.data_files import listed
 from cosim.language.keys import ADDS
 from cosim.language.reader import is_constant
 from cosim.language.source import Node
@@ -327,7 +328,7 @@ def _written(network: Network, address: Address) -> Node:
     component, name = network.components[address.signal.component], address.signal.variable
     entries: Mapping[str, Node] = getattr(component.entry, address.section)
     if name in entries:
-        return entries[name]
+        return listed(entries[name])
     default = component.declaration.variables[name].start
     return as_node(np.asarray(default).tolist() if np.ndim(default) else default, component.entry.position)
 
