@@ -43,13 +43,20 @@ def conform(
         where = f"{name}.{key}".strip(".")
         layered = over or (name == "blocks" and "/" in key)  # what is said of a block inside a diagram lies over it
         if child.value is not None:
-            below = declared.below if declared.type is None or isinstance(child.value, dict) else {}
-            entries[key] = conform(child, problems, below, where, layered or declared.layer)
+            entries[key] = conform(child, problems, _below(declared, child), where, layered or declared.layer)
         elif layered and not child.blank:
             entries[key] = child
         elif not child.blank or ANY in grammar or not declared.below:
             problems.add(_nothing(child, where))
     return replace(node, value=entries)
+
+
+def _below(key: Key, node: Node) -> Mapping[str, Key]:
+    """What may stand below a key; nothing where its value is no mapping, or one of quite other names."""
+    if key.type is None:
+        return key.below
+    written = node.value if isinstance(node.value, dict) else ()
+    return key.below if any(get_close_matches(name, key.below, n=1, cutoff=0.5) for name in written) else {}
 
 
 def _nothing(node: Node, where: str) -> WrongValue:
