@@ -259,6 +259,7 @@ class BuildFailed(CosimError):
     """The C compiler or linker refused an FMU's code."""
 
 
+_MOST_PLACES = 8
 _LONGEST_NAME, _MOST_NAMES = 200, 2000  # the time to compare them grows with both
 
 
@@ -304,8 +305,28 @@ class Problems:
         self.raise_if_any()
 
     def sorted(self) -> list[CosimError]:
-        """The mistakes in the order of file, line and column."""
-        return sorted(self.errors, key=_place)
+        """The mistakes in the order of file, line and column; a name that several settings miss is one."""
+        found: dict[str, list[CosimError]] = {}
+        for error in sorted(self.errors, key=_place):
+            key = error.message if isinstance(error, UnknownSetting) else str(error)
+            found.setdefault(key, []).append(error)
+        return [_one(errors) for errors in found.values()]
+
+
+def _one(errors: list[CosimError]) -> CosimError:
+    """The first of mistakes that differ in their places only, with the places of the others."""
+    first, *others = errors
+    if not others:
+        return first
+    file = first.position.file if first.position else ""
+    others_at = listed_places([error.position for error in others if error.position], file)
+    return type(first)(f"{first.message}, also at {others_at}", first.position, first.fix)
+
+
+def listed_places(places: Iterable[Position], file: str) -> str:
+    """The first of several places; of those in a file, line and column alone."""
+    words = [f"{p.line}:{p.column}" if p.file == file and p.line else str(p) for p in places]
+    return ", ".join(words[:_MOST_PLACES]) + (", …" if len(words) > _MOST_PLACES else "")
 
 
 def _place(error: CosimError) -> tuple[str, int, int]:

@@ -27,6 +27,7 @@ FLOORS = (
     "accuracy",
     "export",
     "report",
+    "project",
     "terminal",
 )
 DOORSTEP = ("cosim", "cosim.__main__")

@@ -165,9 +165,10 @@ def _rules(fmu: Fmu, declaration: Declaration, entry: BlockEntry) -> Any:
     """What a person should know before running it, as conditions that do not hold."""
     if fmu.kind == fields.CO_SIMULATION:
         named = [v.name for v in declaration.of(Output)]
-        wired = {n: (fmu.inputs_of.get(n) or frozenset()) & entry.inputs.keys() for n in named}
+        reading = entry.inputs.keys() - entry.constants.keys()
+        wired = {n: (fmu.inputs_of.get(n) or frozenset()) & reading for n in named}
         stated = [f"{n} on {', '.join(sorted(wired[n]))}" for n in named if wired[n]]
-        unstated = [n for n in named if fmu.inputs_of.get(n) is None] if entry.inputs else []
+        unstated = [n for n in named if fmu.inputs_of.get(n) is None] if reading else []
         numbers = [f"{'; '.join(stated)}: one step of delay"] if stated else []
         numbers += [f"not stated for {', '.join(unstated)}: if they do, one step of delay"] if unstated else []
         if numbers:

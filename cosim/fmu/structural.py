@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import WrongValue
+from cosim.language import data_files
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
 from cosim.language.values import Value
@@ -25,7 +26,7 @@ def sizes(entry: BlockEntry, description: Any) -> dict[str, int]:
 
 
 def _size(entry: BlockEntry, name: str, node: Node) -> int:
-    if isinstance(node.value, list):
+    if isinstance(data_files.listed(node).value, list):
         message = f"block {entry.name}: `{name}` needs one value"
         raise WrongValue(
             message, node.position, "give one for all members of a fleet, as shapes of ports follow from it"

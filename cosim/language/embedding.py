@@ -197,7 +197,7 @@ def _moved(node: Node, names: Mapping[str, str]) -> Node:
     """A source, or a list of them, with the blocks renamed."""
     if isinstance(node.value, list):
         return replace(node, value=[_moved(child, names) for child in node.value])
-    block, port = endpoint(node.value)
+    block, port = endpoint(node.value) if isinstance(node.value, str) else ("", "")
     return replace(node, value=f"{names[block]}.{port}") if block in names else node
 
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import Position, UnknownKey, WrongValue, nearest
+from cosim.language.data_files import FromFile
 from cosim.language.keys import BLOCK, NATIVE, TYPES, WIRE, read_named, read_value
-from cosim.language.reader import Reader
-from cosim.language.source import Node
+from cosim.language.reader import Reader, is_constant
+from cosim.language.source import Node, describe
 
 SECTIONS = tuple(name for name, key in BLOCK.items() if key.below and key.kinds == TYPES)
 """The keys below which a block says something of what its type declares."""
@@ -26,8 +27,9 @@ class BlockEntry:
     """One block of a diagram. All values keep their places.
 
     kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars, expressions
-    or nested lists of them. inputs: `block.port` or a list of such. dimensions: whole numbers from 1. ports: our name →
-    the FMU's variable, or nested lists of such. settings: the values of SETTINGS that it gives, in range.
+    or nested lists of them. inputs: `block.port` or a list of such, or a constant as of parameters.
+    dimensions: whole numbers from 1. ports: our name → the FMU's variable, or nested lists of such. settings: values
+    of SETTINGS that it gives, in range.
     Of what was written for a type that this one replaces, dropped is what `drop:` names, and unfit what goes with no
     block of this kind.
     """
@@ -57,6 +59,11 @@ class BlockEntry:
         file = self.type.value.rpartition(":")[0] if self.kind == "python" else self.type.value
         return Path(os.path.normpath(self.directory / file))
 
+    @property
+    def constants(self) -> dict[str, Node]:
+        """The inputs that have a value throughout, and read nothing."""
+        return {name: node for name, node in self.inputs.items() if is_constant(node)}
+
     def take_out(self, section: str, known: Container[str]) -> dict[str, Node]:
         """Remove from a section what was written for another type and is not known to this one."""
         entries: dict[str, Node] = getattr(self, section)
@@ -74,8 +81,12 @@ class BlockEntry:
             if key in self.settings:
                 result[key] = self.settings[key].plain()
             elif BLOCK[key].below and (entries := getattr(self, key)):
-                result[key] = {name: node.plain() for name, node in entries.items()}
+                result[key] = {name: _plain(node, folder) for name, node in entries.items()}
         return result
+
+
+def _plain(node: Node, folder: Path) -> Any:
+    return node.value.plain(folder) if isinstance(node.value, FromFile) else node.plain()
 
 
 def read_entry(name: str, node: Node, reader: Reader, others: Iterable[str] = ()) -> BlockEntry | None:
@@ -156,6 +167,10 @@ def _wire(node: Node, where: str, reader: Reader) -> Node | None:
         reader.missing(node, f"`{where}` does not say what is read", "write {from: block.port, …}")
         return None
     others = {key: child for key, child in node.value.items() if key != "from"}
+    if others and is_constant(source):
+        said = f"`{where}` is the constant {describe(source)}, for which `{next(iter(others))}` does nothing"
+        reader.wrong(next(iter(others.values())), said, f"write {source.plain()} alone", WrongValue)
+        return replace(source, key_position=node.key_position, inherited=node.inherited)
     values = {key: read_value(WIRE[key], child, f"{where}.{key}", reader) for key, child in others.items()}
     beside = {key: replace(child, value=values[key]) for key, child in others.items() if not _is_mistake(values[key])}
     return replace(node, value=source.value, position=source.position, beside=beside)

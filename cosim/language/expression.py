@@ -86,6 +86,15 @@ def check(text: str, known: Iterable[str]) -> None:
         raise ExpressionError(f"unknown name `{name}` in `{text}`", fix=nearest(name, [*known, *CONSTANTS, *FUNCTIONS]))
 
 
+def is_arithmetic(text: str) -> bool:
+    """Whether a text is an expression, perhaps in the number of a fleet's member."""
+    try:
+        check(text, OF_A_FLEET)
+    except ExpressionError:
+        return False
+    return True
+
+
 @lru_cache(maxsize=4096)
 def _read(text: str) -> Evaluator:
     """The function of the names that an expression is: read once, evaluated for each member of a fleet.

@@ -12,10 +12,13 @@ from typing import Any
 
 from cosim.errors import WrongType, WrongValue
 from cosim.integrators import KNOWN
-from cosim.language.reader import MOST, Reader
+from cosim.language import data_files
+from cosim.language.reader import MOST, Reader, is_constant
 from cosim.language.source import Node, describe
 
 ANY = "*"
+ADDS = "+"
+"""How a key of an overlay ends that adds to the list of that name."""
 TYPES = ("block", "python", "fmu", "diagram")
 NATIVE = ("block", "python", "fmu")
 METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
@@ -119,9 +122,16 @@ def _size(reader: Reader, node: Node, where: str, _: Any) -> int | None:
 
 
 def _sources(reader: Reader, node: Node, where: str, _: Any) -> Any:
-    """What an input reads; an empty list where a mistake keeps that from being known."""
+    """What an input reads, or its constant; an empty list where a mistake keeps that from being known."""
     if node.value == []:
         reader.wrong(node, f"`{where}` is an empty list", "name what it reads, such as plant.x", WrongValue)
+    if is_constant(node):
+        return node.value
+    if isinstance(node.value, list) and (constant := next(filter(is_constant, node.value), None)):
+        message = f"`{where}` lists {describe(constant)} beside what it reads"
+        fix = "write block.port here too, or numbers only, for a constant"
+        reader.wrong(constant, message, fix, WrongValue)
+        return []
     return node.value if reader.endpoints(node, where) else []
 
 
@@ -147,6 +157,8 @@ def _variables(reader: Reader, node: Node, where: str, _: Any) -> Any:
 
 
 def _data(reader: Reader, node: Node, where: str, _: Any) -> Any:
+    if isinstance(node.value, dict) and "file" in node.value:
+        return reader.problems.attempt(data_files.read, node)
     return node.value if _is_data(reader, node, where) else None
 
 
@@ -156,7 +168,7 @@ def _is_data(reader: Reader, node: Node, where: str) -> bool:
         children = [_is_data(reader, child, where) for child in node.value]  # all of them: each has its report
         return all(children)
     if isinstance(node.value, dict) or node.value is None:
-        fix = "write a number or a list such as [1, 2]"
+        fix = "write a number, or a list such as [1, 2], or {file: table.csv, column: torque}"
         message = f"`{where}` must be a number, a text or a list, not {describe(node)}"
         reader.wrong(node, message, fix, WrongType)
         return False
@@ -178,11 +190,11 @@ def _order(reader: Reader, node: Node, where: str, _: Any) -> tuple[str, ...]:
 
 
 SIZE = Type(_size, "whole number from 1")
-SOURCES = Type(_sources, "block.port, or a list of such")
+SOURCES = Type(_sources, "block.port, or a list of such; or a constant")
 LOG = Type(_log, f"{' | '.join(LOGS)}, or a list of its categories")
 VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for x_1, x_2, x_3")
 ORDER = Type(_order, "list of blocks")
-DATA = Type(_data, "number, text, or lists of them")
+DATA = Type(_data, "number, text, or lists of them; or {file: …}")
 NAMED = {ANY: Key("", ANYTHING)}
 
 # ---- the keys ----
@@ -193,14 +205,21 @@ WIRE: dict[str, Key] = {
     "extrapolation": Key("order of what is read between two communication points", EXTRAPOLATION),
 }
 
+DATA_FILE: dict[str, Key] = {
+    "file": Key("a CSV table, or an NPZ or NPY file of arrays, from the folder of this diagram", TEXT),
+    "column": Key("which column of a table; none: all", TEXT),
+    "array": Key("which array of an NPZ file; none: the only one", TEXT),
+    "sha256": Key("digest that the file's content must have; none: any content", TEXT),
+}
+
 BLOCK: dict[str, Key] = {
     "block": Key("a block type of the library, see `cosim blocks`", TEXT),
     "python": Key("a block type of your own, file.py:Class", TEXT),
     "fmu": Key("an FMU", TEXT),
     "diagram": Key("a diagram as a block", TEXT),
     "per": Key("the fleet for each of whose members there is one", TEXT),
-    "parameters": Key("values, by parameter", below={ANY: Key("", DATA)}),
-    "start": Key("start values, by state or input", below={ANY: Key("", DATA)}),
+    "parameters": Key("values, by parameter", below={ANY: Key("", DATA, below=DATA_FILE)}),
+    "start": Key("start values, by state or input", below={ANY: Key("", DATA, below=DATA_FILE)}),
     "inputs": Key("what each input reads", below={ANY: Key("", SOURCES, below=WIRE)}),
     "dimensions": Key("sizes, by dimension", below={ANY: Key("", SIZE)}),
     "period": Key("how often it is due; between, its outputs are held", POSITIVE, unit="s", kinds=NATIVE),

@@ -1,8 +1,8 @@
 """The layers of a diagram, from the bottom up: the file it extends, the file, --swap, --set; merged by key.
 
-Mappings merge, everything else replaces, and `~` takes away. A layer that changes a block's type makes what the layers
-below say of that block's parameters, starts, inputs and the like `inherited`: the new type declares it too, or it is
-dropped, which `cosim.language.swaps` lets nobody do in silence.
+Mappings merge, everything else replaces, `name+: […]` adds to a list, and `~` takes away. A layer
+that changes a block's type makes what the layers below say of that block's parameters, starts, inputs and the like
+`inherited`: the new type declares it too, or it is dropped, which `cosim.language.swaps` lets nobody do in silence.
 """
 
 from __future__ import annotations
@@ -24,10 +24,13 @@ from cosim.errors import (
     nearest,
 )
 from cosim.language import source
-from cosim.language.keys import ANY, DIAGRAM, TYPES, Key
+from cosim.language.keys import ADDS, ANY, DIAGRAM, TYPES, Key
 from cosim.language.source import Node, describe
 
 MOST_LAYERS = 100
+_VALUES = ("parameters", "start")
+_RIVALS = {"file": ("sha256",), "column": ("array",), "array": ("column",)}
+"""What a value in a file loses as a layer says that it is another one."""
 
 
 def read_layers(path: Path, problems: Problems, named_at: Position | None = None) -> tuple[Node, list[Path]]:
@@ -69,14 +72,29 @@ def merge(base: Node, over: Node, path: tuple[str, ...] = ()) -> Node:
     is_block = len(path) == 2 and path[0] == "blocks"
     retyped = is_block and _changes_type(base.value, over.value)
     entries = _inherited(base.value) if retyped else dict(base.value)
-    for key, node in over.value.items():
+    for key, node in sorted(over.value.items(), key=lambda entry: entry[0].endswith(ADDS)):
         if node.value is None and not node.blank and key in base.value:
             entries.pop(key, None)
+        elif before := _before(entries, key, node):
+            entries[before] = replace(entries[before], value=[*entries[before].value, *node.value])
         else:
+            entries.pop(f"{key}{ADDS}", None)  # what was to be added to what this replaces
             entries[key] = merge(entries[key], node, (*path, key)) if key in entries else node
+    for key in over.value if path[2:] and path[2] in _VALUES else ():
+        for rival in _RIVALS.get(key, ()):
+            if rival not in over.value:
+                entries.pop(rival, None)
     if retyped:
         _note_replaced(base.value, entries)
     return replace(over if retyped and over.position.line else base, value=entries)
+
+
+def _before(entries: dict[str, Node], key: str, node: Node) -> str:
+    """The key of the list to which a layer adds another by `name+`, perhaps an addition itself; "" if there is none."""
+    name = key.removesuffix(ADDS)
+    if name == key or not isinstance(node.value, list):
+        return ""
+    return next((known for known in (name, key) if known in entries and isinstance(entries[known].value, list)), "")
 
 
 def _changes_type(base: dict[str, Node], over: dict[str, Node]) -> bool:
@@ -190,12 +208,35 @@ def _overlay(
         return replace(value, key_position=position)
     if isinstance(node.value, list):
         return _element(node, path, value, position, done)
+    if path[-1].endswith(ADDS) and (longer := _addition(node, path, value, grammar, position, done)):
+        return longer
     key, rest = _match(node, path, grammar, position, done)
     declared = grammar.get(ANY) or grammar.get(key)
     below = declared.below if declared else {}
     child = node.value.get(key) if isinstance(node.value, dict) else None
     child = child or Node({} if below else None, position)
     return _nested([key], _overlay(child, rest, value, below, position, (*done, key)), position)
+
+
+def _addition(
+    node: Node, path: list[str], value: Node, grammar: Mapping[str, Key], position: Position, done: tuple[str, ...]
+) -> Node | None:
+    """The layer that adds to a list at the path, whose last key ends with `+`; None where it leads on.
+
+    Raises: UnknownSetting.
+    """
+    key, rest = _match(node, [*path[:-1], path[-1].removesuffix(ADDS)], grammar, position, done)
+    if rest:
+        return None
+    there = _child_mapping(node).get(key)
+    if there is None or not isinstance(there.value, list):
+        said = f"is {describe(there)}" if there else "is not there"
+        where = ".".join((*done, key))
+        raise UnknownSetting(f"`{where}` {said}, so nothing is added to it", position, f"set `{where}` as a whole")
+    if not isinstance(value.value, list):
+        message = f"a list is added to a list, not {describe(value)}"
+        raise UnknownSetting(message, position, f"write {key}+=[{value.plain()}]")
+    return _nested([f"{key}{ADDS}"], value, position)
 
 
 def _match(
@@ -214,7 +255,7 @@ def _match(
     if not grammar:
         value = "nothing" if node.value is None else describe(node)
         raise UnknownSetting(f"`{where}` is {value} and has no `{path[0]}`", position, f"set `{where}` as a whole")
-    is_value_list = ANY in grammar and not grammar[ANY].below and done[0] != "fleets"
+    is_value_list = ANY in grammar and (grammar[ANY].type or not grammar[ANY].below) and done[0] != "fleets"
     if is_value_list and not path[-1].isdecimal():
         return ".".join(path), []
     if ANY in grammar and len(path) == 1 and done[0] in ("blocks", "metrics"):

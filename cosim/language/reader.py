@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 
 from cosim.errors import CosimError, MissingKey, Problems, TooLarge, WrongType, WrongValue, nearest
-from cosim.language.expression import evaluate
+from cosim.language.expression import evaluate, is_arithmetic
 from cosim.language.source import Node, describe
 
 MOST = 2**31 - 1  # that compiled loops count to
@@ -134,6 +134,16 @@ def endpoint(text: str) -> tuple[str, str]:
     """The block and the port of `block.port`; a port's name may contain dots, a block's cannot."""
     block, _, port = text.partition(".")
     return block.strip(), port.strip()
+
+
+def is_constant(node: Node) -> bool:
+    """Whether what is written for an input is a value, which it has throughout, and not what it reads."""
+    if isinstance(node.value, list):
+        return bool(node.value) and all(map(is_constant, node.value))
+    if isinstance(node.value, str):
+        block, port = endpoint(node.value)
+        return not (port and _BLOCK_NAME.fullmatch(block)) and is_arithmetic(node.value)
+    return isinstance(node.value, bool | int | float)
 
 
 def multiple(value: float, step: float) -> int | None:

@@ -48,7 +48,8 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\
 class Node:
     """A value with its place. Never changed once made: aliases share nodes.
 
-    value: str, int, float, bool, None, list[Node] or dict[str, Node]. inherited: written for a block type that a
+    value: str, int, float, bool, None, list[Node] or dict[str, Node], or what has been read for it, which has a `plain`
+    form too. inherited: written for a block type that a
     later layer has replaced, so that it counts only where the new type declares it. replaces: for a block's type, the
     one that it replaces, as kind and name. blank: a key without a value, where `~` would say that there is to be none.
     beside: of a wire, what it says besides the source.
@@ -76,7 +77,7 @@ class Node:
             return {key: node.plain() for key, node in self.value.items()}
         if isinstance(self.value, list):
             return [node.plain() for node in self.value]
-        return self.value
+        return self.value.plain() if hasattr(self.value, "plain") else self.value
 
 
 def read(path: str | Path, problems: Problems, named_at: Position | None = None) -> Node:

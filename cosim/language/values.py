@@ -11,12 +11,13 @@ import numpy as np
 
 from cosim.errors import ExpressionError, Position, WrongShape, WrongType, WrongValue, nearest
 from cosim.language import expression
+from cosim.language.data_files import FromFile
 from cosim.language.source import Node
 
 
 @dataclass(frozen=True)
 class Value:
-    """A nested list of leaves; a leaf is a number, a bool or an expression's text, with its place."""
+    """A nested list of leaves, or an array; a leaf is a number, a bool or an expression's text, with its place."""
 
     content: Any
     shape: tuple[int, ...]
@@ -40,6 +41,9 @@ class Value:
                 fix = f"give every row the shape {parts[0].shape}"
                 raise WrongShape(f"{name}: the rows of the list differ in length", ragged.position, fix)
             return cls(parts, (len(parts), *(parts[0].shape if parts else ())), node.position)
+        if isinstance(node.value, FromFile):
+            array = node.value.array
+            return cls(array if array.ndim else array.item(), array.shape, node.position)
         if isinstance(node.value, dict) or node.value is None:
             kind = "a mapping" if isinstance(node.value, dict) else "nothing"
             raise WrongType(f"{name}: a number or a list of numbers is needed, not {kind}", node.position, "such as 1")
@@ -49,8 +53,8 @@ class Value:
 
     def member(self, k: int) -> Value:
         """The k-th row (from 0)."""
-        row: Value = self.content[k]
-        return row
+        row: Any = self.content[k]
+        return row if isinstance(row, Value) else Value(row if row.ndim else row.item(), row.shape, self.position)
 
     def uses(self, name: str) -> bool:
         """Whether an expression in it names a variable."""
@@ -65,6 +69,11 @@ class Value:
         return np.array(self._evaluate(dtype, names), dtype).reshape(shape)
 
     def _evaluate(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
+        if isinstance(self.content, np.ndarray):
+            if self.content.dtype.kind == "f" and dtype == np.float64:
+                return self.content
+            leaves = [replace(self, content=item, shape=()) for item in self.content.reshape(-1).tolist()]
+            return [leaf._number(dtype, names) for leaf in leaves]  # noqa: SLF001  # of this class
         if isinstance(self.content, list):
             return [part._evaluate(dtype, names) for part in self.content]  # noqa: SLF001  # of this class
         return self._number(dtype, names)
@@ -81,7 +90,7 @@ class Value:
             return replace(self, content=[part.with_items(items) for part in self.content])
         if isinstance(self.content, str) and self.content in items:
             return replace(self, content=items[self.content])
-        if isinstance(self.content, str) and not _is_arithmetic(self.content):
+        if isinstance(self.content, str) and not expression.is_arithmetic(self.content):
             message = f"`{self.content}` is none of the items {', '.join(f'`{name}`' for name in items)}"
             raise WrongValue(message, self.position, nearest(self.content, items))
         return self
@@ -109,12 +118,3 @@ class Value:
         if dtype.kind == "f" and math.isfinite(number) and abs(number) > float(np.finfo(dtype).max):
             raise WrongValue(f"{number:g} does not fit {dtype}", self.position, f"at most {np.finfo(dtype).max:g}")
         return dtype.type(number)
-
-
-def _is_arithmetic(text: str) -> bool:
-    """Whether a text is an expression, perhaps in the number of a fleet's member."""
-    try:
-        expression.check(text, expression.OF_A_FLEET)
-    except ExpressionError:
-        return False
-    return True

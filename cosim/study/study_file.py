@@ -21,7 +21,7 @@ from cosim.errors import (
     WrongValue,
 )
 from cosim.language import grammar, source
-from cosim.language.keys import NAMED, RECORD, read_value
+from cosim.language.keys import ADDS, NAMED, RECORD, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import figures
@@ -60,6 +60,11 @@ def _at(tree: Node, path: list[str], value: Node) -> Node:
     if not path:
         return value
     entries = dict(tree.value) if isinstance(tree.value, dict) else {}
+    name = path[0].removesuffix(ADDS)
+    before = entries.get(name) if len(path) == 1 and name != path[0] else None
+    if before and isinstance(before.value, list) and isinstance(value.value, list):
+        entries[name] = replace(before, value=[*before.value, *value.value])
+        return replace(tree, value=entries)
     child = entries.get(path[0], Node({}, value.position, value.position))
     entries[path[0]] = _at(child, path[1:], value)
     return replace(tree, value=entries)
@@ -148,7 +153,8 @@ def _record(node: Node | None, reader: Reader) -> Node | None:
         return None
     if node.value is True:
         return replace(node, value={})
-    return grammar.conform(node, reader.problems, RECORD, "record")
+    adds = isinstance(node.value, dict) and any(key.endswith(ADDS) for key in node.value)
+    return grammar.conform(node, reader.problems, RECORD, "record", over=adds)
 
 
 def _references(entries: dict[str, Node], study: Study, reader: Reader) -> tuple[Reference, ...]:

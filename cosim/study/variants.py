@@ -33,6 +33,9 @@ from cosim.errors import (
     nearest,
 )
 from cosim.language import diagram, overlay
+from cosim.language.data_files import listed
+from cosim.language.keys import ADDS
+from cosim.language.reader import is_constant
 from cosim.language.source import Node
 from cosim.language.values import Value
 from cosim.study import consistency, plan
@@ -48,7 +51,7 @@ Settings = tuple[tuple[str, Any], ...]
 
 @dataclass(frozen=True)
 class Address:
-    """Where a dotted path leads: a parameter or start value, or one element of it (indices from 0)."""
+    """Where a dotted path leads: a parameter, start value or constant, or one element of it (indices from 0)."""
 
     signal: Signal
     section: str
@@ -179,7 +182,7 @@ class Variants:
     def prepared(self, member: Member) -> Prepared:
         """A member's program. Raises: DiagramErrors, KernelError."""
         base = self.base(member.variant)
-        values = tuple((path, value) for path, value in member.settings if address_of(base, path))
+        values = tuple((path, value) for path, value in member.settings if _is_value(base, path, value))
         structure = [pair for pair in member.settings if pair not in values]
         kinds = [(path, str(_shape(value)), _names_member(value)) for path, value in values]
         kind = json.dumps([member.variant, structure, kinds])
@@ -231,6 +234,8 @@ class Variants:
             entries["metrics"] = replace(entries.get("metrics", tree), value=chosen)
         if study.record is None:
             entries.pop("record", None)
+        elif any(key.endswith(ADDS) for key in study.record.value):
+            return overlay.merge(replace(tree, value=entries), Node({"record": study.record}, place))
         elif study.record.value:
             entries["record"] = study.record
         return replace(tree, value=entries)
@@ -286,21 +291,29 @@ def has_foreign(network: Network) -> bool:
 
 
 def address_of(network: Network, path: str) -> Address | None:
-    """The parameter or start value that a dotted path names; None for anything else, which is structure."""
+    """The parameter, start value or constant that a dotted path names; None for anything else, which is structure."""
     parts = path.split(".")
-    if len(parts) < 4 or parts[0] != "blocks" or parts[2] not in ("parameters", "start"):
+    if len(parts) < 4 or parts[0] != "blocks" or parts[2] not in ("parameters", "start", "inputs"):
         return None
     component = network.components.get(parts[1])
     if component is None:
         return None
-    classes = Parameter if parts[2] == "parameters" else (State, Input)
+    classes = {"parameters": Parameter, "start": (State, Input), "inputs": Input}[parts[2]]
     for end in range(len(parts), 3, -1):
         name, rest = ".".join(parts[3:end]), parts[end:]
         variable = component.declaration.variables.get(name)
         known = isinstance(variable, classes) and not variable.structural
+        if parts[2] == "inputs" and name not in component.entry.constants:
+            continue
         if known and name not in component.wires and all(part.isdecimal() for part in rest):
             return Address(Signal(parts[1], name), parts[2], tuple(map(int, rest)))
     return None
+
+
+def _is_value(network: Network, path: str, value: Any) -> bool:
+    """Whether what a member sets is a value, and not structure such as a wire in a constant's place."""
+    address = address_of(network, path)
+    return address is not None and (address.section != "inputs" or is_constant(as_node(value, Position(""))))
 
 
 def as_node(value: Any, position: Position) -> Node:
@@ -315,7 +328,7 @@ def _written(network: Network, address: Address) -> Node:
     component, name = network.components[address.signal.component], address.signal.variable
     entries: Mapping[str, Node] = getattr(component.entry, address.section)
     if name in entries:
-        return entries[name]
+        return listed(entries[name])
     default = component.declaration.variables[name].start
     return as_node(np.asarray(default).tolist() if np.ndim(default) else default, component.entry.position)
 

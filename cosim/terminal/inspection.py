@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
+import inspect
 import sys
 
+from cosim.authoring.author_source import shown
 from cosim.authoring.block import Block
 from cosim.authoring.declaration import Declaration
 from cosim.authoring.variables import Parameter, State, Variable
@@ -64,7 +65,12 @@ def _print_conditions(overview: Overview) -> None:
 
 
 def _row(part: ComponentOverview) -> list[str]:
-    wires = [f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}" for w in part.wires]
+    wires = [
+        f"{w.port}{TIED}={TIED}{w.constant}"
+        if w.constant
+        else f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}"
+        for w in part.wires
+    ]
     return [part.name, part.type if part.count is None else f"{part.count} × {part.type}", "; ".join(wires)]
 
 
@@ -74,15 +80,14 @@ def _dealt(wire: Wired) -> str:
     return f" (one{TIED}each{''.join(f' {other}' for other in others)})" if wire.dealt else ""
 
 
-def print_blocks(name: str | None) -> None:
-    """All blocks with a line each, or everything about one. Raises: UnknownBlock."""
-    if name is None:
-        blocks = library.all_blocks()
-        print_rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
-        say("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
-        return
-    declaration = _block(name).declaration
+def print_block(name: str) -> None:
+    """Everything about one block type. Raises: UnknownBlock, AmbiguousBlock, and of its file whatever that raises."""
+    block = _block(name)
+    declaration = block.declaration
     say(f"{declaration.name}\n\n{declaration.doc}\n")
+    file, key = inspect.getsourcefile(block) or "", "python" if ".py:" in name else "block"
+    print_wrapped(f"in {shown(file)}; a diagram writes  {key}: {name}", 2)
+    say("")
     for title, causality in (
         ("inputs", "input"),
         ("outputs", "output"),
@@ -138,7 +143,3 @@ def _feedthrough(declaration: Declaration, variable: Variable) -> str:
                 waiting.append(name)
     inputs = [n for n in declaration.variables if n in reached and declaration.variables[n].causality == "input"]
     return f"direct feedthrough from {', '.join(inputs)}" if inputs else "no direct feedthrough"
-
-
-def _first_line(declaration: Declaration) -> str:
-    return re.split(r"\n\s*\n", declaration.doc)[0].replace("\n", " ") if declaration.doc else ""

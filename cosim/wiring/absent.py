@@ -6,14 +6,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
-from cosim.errors import Position, Problems, UnknownBlock, UnknownFleet, UnknownPort, nearest
+from cosim.errors import Problems, UnknownBlock, UnknownFleet, UnknownPort, listed_places, nearest
 from cosim.language.entry import BlockEntry
 from cosim.language.reader import endpoint
 from cosim.language.source import Node
 from cosim.wiring import meaning
 from cosim.wiring.network import Component, port_and_members
-
-_PLACES = 8
 
 Uses = list[tuple[Node, str]]
 """Where a name is used, each time with the block that takes a signal there, or ""."""
@@ -75,10 +73,4 @@ def _sorted(uses: Uses) -> tuple[tuple[Node, str], str]:
     """The first of the uses of a name, and the places of the others."""
     ordered = sorted(uses, key=lambda use: (use[0].position.file, use[0].position.line, use[0].position.column))
     first = ordered[0][0].position.file
-    places = [_place(node.position, first) for node, _ in ordered[1:]]
-    return ordered[0], ", ".join(places[:_PLACES]) + (", …" if len(places) > _PLACES else "")
-
-
-def _place(position: Position, file: str) -> str:
-    """A place; in the same file, line and column alone."""
-    return f"{position.line}:{position.column}" if position.file == file and position.line else str(position)
+    return ordered[0], listed_places([node.position for node, _ in ordered[1:]], first)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cosim.authoring.variables import Parameter, Period, State, Variable
+from cosim.authoring.variables import Input, Parameter, Period, State, Variable
 from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue
 from cosim.language.source import Node
 from cosim.language.values import Value
@@ -22,6 +22,8 @@ def take(draft: Draft, component: Component) -> None:
     starts = {v.name: v for v in (*declaration.startable(), *declaration.guessable())}
     _take_given(draft, component, entry.parameters, parameters, "parameter")
     _take_given(draft, component, entry.start, starts, "state or input to start")
+    constants = {name: node for name, node in entry.constants.items() if isinstance(starts.get(name), Input)}
+    _take_given(draft, component, constants, starts, "input")
     for variable in (*parameters.values(), *starts.values()):
         if variable.name not in component.given:
             _take_default(draft, component, variable)

@@ -1,7 +1,8 @@
 """Finds block classes by name: in the installed libraries, and in Python files next to a diagram.
 
-A library is an entry point of the group `cosim.blocks` whose value is a package (or a module): all its public modules
-are imported, and the block classes that they define are known by their names.
+A library, a pack, is an entry point of the group `cosim.blocks` whose value is a package (or a module): all its public
+modules are imported, and the block classes that they define are known by their names, `Servo`. Where packs have one
+name each, `acme.motors:Servo` says which: what stands before the colon is the name of the entry point, or a module.
 """
 
 from __future__ import annotations
@@ -51,29 +52,66 @@ def all_blocks() -> dict[str, type[Block]]:
     return {name: classes[0] for name, classes in sorted(_libraries()[0].items())}
 
 
+def packs() -> dict[str, list[type[Block]]]:
+    """The block classes of each installed library, by the name of its entry point, in the order of their modules."""
+    found: dict[str, list[type[Block]]] = {}
+    for classes in _libraries()[0].values():
+        for block in classes:
+            found.setdefault(_libraries()[2][block], []).append(block)
+    return found
+
+
 def broken() -> list[CosimError]:
     """What keeps modules of the installed libraries from being imported."""
     return list(_libraries()[1])
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:
-    name, place = entry.type.value, entry.type.position
-    known, errors = _libraries()
-    classes = known.get(name, [])
+    pack, _, name = entry.type.value.rpartition(":")
+    place = entry.type.position
+    known, errors, home = _libraries()
+    classes = [block for block in known.get(name, []) if not pack or pack in _qualifiers(block, home[block])]
     if len(classes) > 1:
         modules = " and ".join(block.__module__ for block in classes)
-        message = f"block `{entry.name}`: `{name}` is both in {modules}"
-        raise AmbiguousBlock(message, place, "rename one of the classes, or name its file with `python:`")
+        message = f"block `{entry.name}`: `{entry.type.value}` is both in {modules}"
+        names = [home[b] if sum(home[c] == home[b] for c in classes) == 1 else b.__module__ for b in classes]
+        raise AmbiguousBlock(message, place, f"write {' or '.join(f'{one}:{name}' for one in names)}")
     if classes:
         if not classes[0].declaration.compiled:  # else it is checked before it is compiled
             from cosim.authoring import authors
 
             authors.check([classes[0].declaration])
         return classes[0]
-    unknown = UnknownBlock(f"block `{entry.name}`: there is no block type `{name}`", place, nearest(name, known))
+    unknown = UnknownBlock(
+        f"block `{entry.name}`: there is no block type `{entry.type.value}`", place, _meant(pack, name)
+    )
     if errors:
         raise DiagramErrors([unknown, *errors])
     raise unknown
+
+
+def _qualifiers(block: type[Block], pack: str) -> set[str]:
+    """What may stand before the colon for a block: its pack, its module and the packages that this is in."""
+    parts = block.__module__.split(".")
+    return {pack, *(".".join(parts[:end]) for end in range(1, len(parts) + 1))}
+
+
+def _meant(pack: str, name: str) -> str:
+    """The usual fix for a name that no library has, perhaps in one pack only."""
+    known, _, home = _libraries()
+    if pack.endswith((".py", ".fmu", ".yaml", ".yml")):
+        return f"write `python: {pack}:{name}`" if pack.endswith(".py") else ""
+    blocks = {block: _qualifiers(block, home[block]) for classes in known.values() for block in classes}
+    inside = [block.__name__ for block, qualifiers in blocks.items() if not pack or pack in qualifiers]
+    if inside:
+        return nearest(name, inside)
+    elsewhere = [f"{home[block]}:{name}" for block in known.get(name, [])]
+    installed = f"no installed pack is called `{pack}`"
+    return (
+        f"{installed}; write {' or '.join(elsewhere)}"
+        if elsewhere
+        else f"{installed}: {nearest(pack, {*home.values()})}"
+    )
 
 
 def _from_file(entry: BlockEntry) -> type[Block]:
@@ -91,16 +129,18 @@ def _from_file(entry: BlockEntry) -> type[Block]:
 
 
 @cache
-def _libraries() -> tuple[dict[str, list[type[Block]]], list[CosimError]]:
-    """All classes by name (several, if modules disagree), and the errors of modules that cannot be imported."""
+def _libraries() -> tuple[dict[str, list[type[Block]]], list[CosimError], dict[type[Block], str]]:
+    """All classes by name (several, if modules disagree), the errors of modules that cannot be imported, and packs."""
     found: dict[str, list[type[Block]]] = {}
+    home: dict[type[Block], str] = {}
     errors: list[CosimError] = []
     for point in sorted(entry_points(group=GROUP)):
         for module in _modules(point.module, errors):
             for block in _classes(module, point.module):
                 if block not in found.setdefault(block.__name__, []):
                     found[block.__name__].append(block)
-    return found, errors
+                    home[block] = point.name
+    return found, errors, home
 
 
 def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:

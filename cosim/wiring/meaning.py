@@ -17,7 +17,7 @@ def usual_fix(declaration: Declaration, name: str, known: Iterable[str]) -> str:
     if isinstance(variable, Parameter):
         return f"`{name}` is a parameter: write it below `parameters:`"
     if isinstance(variable, Input):
-        return f"`{name}` is an input: wire it below `inputs:`, or give it a value below `start:`"
+        return f"`{name}` is an input: below `inputs:` it is wired, or given a constant"
     if isinstance(variable, State):
         return f"`{name}` is a state: where it begins stands below `start:`"
     if variable is not None:

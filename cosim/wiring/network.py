@@ -289,7 +289,7 @@ class Network:
         return signal.axes(axes)
 
     def find(self, text: str, position: Position | None) -> Signal:
-        """The signal that a recording or metric names; any variable but inputs.
+        """The signal that a recording or metric names; any variable but inputs that read one.
 
         Raises: UnknownBlock, UnknownPort.
         """
@@ -297,8 +297,12 @@ class Network:
         if name not in self.components:
             fix = nearest(name, self.components)
             raise UnknownBlock(f"`{text}`: the diagram has no block `{name}`", position, fix)
-        declaration = self.components[name].declaration
-        if port not in declaration.variables or not _can_record(declaration.variables[port]):
+        component, declaration = self.components[name], self.components[name].declaration
+        variable = declaration.variables.get(port)
+        if sources := component.wires.get(port):
+            message = f"`{text}`: what an input reads is recorded where it comes from"
+            raise UnknownPort(message, position, f"name {', '.join(map(str, sources))}")
+        if variable is None or not (_can_record(variable) or isinstance(variable, Input)):
             message = f"`{text}`: block {name} has no variable `{port}` to record"
             known = [k for k, v in declaration.variables.items() if _can_record(v)]
             raise UnknownPort(message, position, meaning.usual_fix(declaration, port, known))
@@ -313,5 +317,5 @@ class Network:
 
 
 def _can_record(variable: Variable) -> bool:
-    """Inputs are other blocks' signals, and texts and event indicators are no signals."""
+    """Inputs are other blocks' signals or constants, and texts and event indicators are no signals."""
     return not isinstance(variable, (Indicator, Input)) and not variable.dtype.hasobject

@@ -5,22 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cosim.errors import CosimError
+from cosim.language import source
 from cosim.language.diagram import Diagram
 from cosim.language.swaps import Swap
 from cosim.wiring import conditions, order, windows
 from cosim.wiring.network import Component, Finding, Loop, Network
 
+_SHOWN = 40
+
 
 @dataclass(frozen=True)
 class Wired:
-    """An input and what it reads. dealt: the fleets whose members are dealt to those of another, one each.
+    """An input and what it reads, or its constant in words.
 
-    "" among them is an axis that is no fleet's.
+    dealt: the fleets whose members are dealt to those of another, one each; "" is an axis that is no fleet's.
     """
 
     port: str
     sources: tuple[str, ...]
     dealt: tuple[str, ...] = ()
+    constant: str = ""
 
 
 @dataclass(frozen=True)
@@ -114,9 +118,19 @@ def _part(network: Network, component: Component) -> ComponentOverview:
         Wired(port, tuple(map(str, sources)), _dealt(network, component, port))
         for port, sources in component.wires.items()
     ]
+    wires += [Wired(port, (), constant=_constant(component, port)) for port in component.entry.constants]
+    wires.sort(key=lambda wire: [*component.entry.inputs].index(wire.port))
     count = component.count if component.fleet else None
     due = str(component.clock) if component.clock and "period" in component.entry.settings else ""
     return ComponentOverview(component.name, component.declaration.name, count, tuple(wires), due)
+
+
+def _constant(component: Component, port: str) -> str:
+    """A constant as it is written, with its unit."""
+    text = source.dump(component.entry.inputs[port].plain()).replace("\n...\n", "").strip().replace("\n", " ")
+    unit = component.declaration.variables[port].unit
+    short = text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
+    return f"{short} {unit}" if isinstance(unit, str) and unit != "1" else short
 
 
 def _dealt(network: Network, component: Component, port: str) -> tuple[str, ...]:

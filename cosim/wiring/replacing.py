@@ -77,9 +77,10 @@ def _replaced(entry: BlockEntry, code: bool) -> Declaration | None:
 def _other_units(entry: BlockEntry, before: Declaration, known: Mapping[str, Mapping[str, Variable]]) -> list[Lost]:
     """What has the same name in the new type and another unit; it is taken out of the entry."""
     lost = []
-    for section in ("parameters", "start"):
+    for section in ("parameters", "start", "inputs"):
         entries = getattr(entry, section)
-        for name in [n for n, node in entries.items() if node.inherited and n in known[section]]:
+        values = entry.constants if section == "inputs" else entries
+        for name in [n for n, node in values.items() if node.inherited and n in known[section]]:
             there, here = before.variables.get(name), known[section][name]
             if there and there.unit and here.unit and not units.same(there.unit, here.unit):
                 reason = f"in {there.unit} there, in {here.unit} here"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cosim.authoring.variables import Input, Local, State
 from cosim.errors import NotWirable, UnconnectedInput, UnknownPort, WrongValue
-from cosim.language.reader import endpoint
+from cosim.language.reader import endpoint, is_constant
 from cosim.language.source import Node
 from cosim.wiring import meaning
 from cosim.wiring.draft import Draft
@@ -16,7 +16,9 @@ def connect(draft: Draft, component: Component) -> None:
     inputs = {v.name: v for v in component.declaration.of(Input)}
     for name, node in component.entry.inputs.items():
         sources = node.value if isinstance(node.value, list) else [node]
-        if name in inputs and sources:
+        if name in inputs and is_constant(node):
+            draft.problems.attempt(_check_idle_start, component, name, node)
+        elif name in inputs and sources:
             found = [draft.problems.attempt(_source, draft, component, name, source) for source in sources]
             component.wires[name] = tuple(s for s in found if s)
             draft.problems.attempt(_check_idle_start, component, name, node)
@@ -31,7 +33,7 @@ def connect(draft: Draft, component: Component) -> None:
 
 def _unconnected(component: Component, name: str) -> UnconnectedInput:
     message = f"block {component.name}: input `{name}` is not connected and has no start value"
-    fix = f"add `{name}: block.port` under blocks.{component.name}.inputs"
+    fix = f"add `{name}: block.port`, or a number, under blocks.{component.name}.inputs"
     if "/" in component.name:
         outer, _, inner = component.name.rpartition("/")
         own = f"inputs: {{{name}: {inner}.{name}}}"
@@ -40,15 +42,16 @@ def _unconnected(component: Component, name: str) -> UnconnectedInput:
 
 
 def _check_idle_start(component: Component, name: str, wire: Node) -> None:
-    """A wired input has its source's value from time zero on; a diagram in a diagram may keep its own start.
+    """A wired input has its source's value from time zero on, a constant its own; an inner diagram may keep a start.
 
     What is read late has its start value until then.
     """
     start = component.entry.start.get(name)
     if start is None or "delay" in wire.beside or ("/" in component.name and start.position.file != wire.position.file):
         return
-    message = f"block {component.name}: input `{name}` is wired, so that its start value has no effect"
-    raise WrongValue(message, start.key_position, f"remove it (an overlay writes `{name}: ~`), or the wire")
+    why, other = ("a constant", "constant") if is_constant(wire) else ("wired", "wire")
+    message = f"block {component.name}: input `{name}` is {why}, so that its start value has no effect"
+    raise WrongValue(message, start.key_position, f"remove it (an overlay writes `{name}: ~`), or the {other}")
 
 
 def _source(draft: Draft, component: Component, taker: str, node: Node) -> Signal:

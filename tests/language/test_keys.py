@@ -17,6 +17,8 @@ from cosim.language.keys import ANY, BLOCK, DIAGRAM, METHODS, RUN, Key
 from cosim.study.study_keys import STUDY
 from cosim.terminal import cli
 
+MAPPINGS = tuple(f".{section}.{ANY}" for section in ("inputs", "parameters", "start"))
+
 
 def all_keys(section, name=""):
     for key, declared in section.items():
@@ -28,8 +30,8 @@ def all_keys(section, name=""):
 def test_every_key_has_a_line_of_help_and_a_type_or_what_stands_below(section):
     for name, key in all_keys(section):
         assert key.help or name.endswith(f".{ANY}"), name
-        both = key.type and key.below  # a wire is its source, or says more
-        assert (key.type or key.below) and (not both or name.endswith(f".inputs.{ANY}")), name
+        both = key.type and key.below  # a wire is its source, or says more; a value may stand in a file
+        assert (key.type or key.below) and (not both or name.endswith(MAPPINGS)), name
 
 
 def test_the_settings_of_a_run_are_its_keys():

@@ -203,3 +203,11 @@ def test_a_mistake_in_a_swap(folder, text, fix):
     error = mistake("base.yaml", swaps=[text])
     assert type(error) is UnknownSetting
     assert (error.position, error.fix) == (Position(f"--swap {text}"), fix)
+
+
+def test_a_block_that_several_settings_miss_is_one_mistake_with_all_places(folder):
+    settings = [f"blocks.lvel.{what}" for what in ("parameters.area=1", "start.h=1", "period=2")]
+    error = mistake("base.yaml", settings)
+    assert type(error) is UnknownSetting and str(error.position) == f"--set {settings[1 - 1]}"
+    assert error.message == f"`blocks` has no `lvel`, also at --set {settings[2]}, --set {settings[1]}"
+    assert "`level`" in error.fix

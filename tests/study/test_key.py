@@ -207,3 +207,18 @@ def test_a_default_that_is_written_out_changes_no_key(study):
     assert keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program) == before
     component.entry.settings["mode"] = Node("model-exchange", Position("d.yaml"))
     assert keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program) != before
+
+
+def test_the_content_of_a_table_is_in_the_key(of, tmp_path):
+    """By whatever layer it comes, and not its name: an edited table never shows an old figure."""
+    table = DIAGRAM.replace("{T: 0.5}", "{T: {file: t.csv, column: T}}")
+    variant = "{diagram: diagram.yaml, variants: {a: {set: {blocks.lag.parameters.T: {file: t.csv, column: T}}}}}"
+    found = {}
+    for last in (0.7, 0.8):
+        (tmp_path / "t.csv").write_text(f"time,T\n0,0.5\n1,0.6\n2,{last}\n")
+        (tmp_path / "other.csv").write_text(f"T\n0.5\n0.6\n{last}\n")
+        assert of(variant) == of("diagram: diagram.yaml", table.replace("t.csv", "other.csv"))
+        found[of("diagram: diagram.yaml", table)] = of(variant)
+    (old, over), (new, anew) = found.items()
+    assert old != new and over != anew
+    assert new == of("diagram: diagram.yaml", DIAGRAM.replace("{T: 0.5}", "{T: [0.5, 0.6, 0.8]}"))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cosim.engine import run as runs
+from cosim.results import result_file
 from cosim.study import member_run, plan
 from cosim.study.variants import Variants
 
@@ -64,3 +65,31 @@ def test_recorded_members_say_which_diagram_they_come_from(study, tmp_path):
     again = runs.Run(runs.load(tmp_path / "again.yaml")).execute()
     assert again.metrics == row["metrics"]
     assert np.isclose(swing[-1], row["metrics"]["last"])
+
+
+CONSTANT = """
+    run: {stop: 1, step: 0.01}
+    blocks:
+      source: {type: Sine, parameters: {A: 1}}
+      lag: {type: Lag, dimensions: {n: 2}, inputs: {u: [0.5, 1]}}
+    record: {period: 0.1, signals: [lag.x]}
+    metrics:
+      top: {signal: lag.x, reduce: max}
+    """
+
+
+def test_constants_of_inputs_are_values_and_a_wire_in_their_place_is_structure(study, tmp_path):
+    values = ["[1, 2]", "[0.5, 3]", "source.y", "7"]
+    axis = f"grid: {{blocks.lag.inputs.u: [{', '.join(values)}]}}"
+    loaded = study(f"{{diagram: diagram.yaml, record: true, {axis}}}", CONSTANT)
+    variants = Variants(loaded)
+    members = list(plan.members(loaded, None))
+    assert len({variants.prepared(member).key for member in members}) == 4
+    assert len(variants._templates) == 3  # a list, a wire, one number for all
+    for member, value in zip(members, values, strict=True):
+        row = member_run.run(variants, member, tmp_path / "one.nc", lambda time: None)
+        alone = runs.Run(runs.load(tmp_path / "diagram.yaml", [f"blocks.lag.inputs.u={value}"])).execute()
+        assert row["metrics"] == alone.metrics
+        with result_file.open_result(tmp_path / "one.nc") as result:
+            (tmp_path / "again.yaml").write_text(result.attrs["diagram"])
+        assert runs.Run(runs.load(tmp_path / "again.yaml")).execute().metrics == row["metrics"]

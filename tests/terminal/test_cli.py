@@ -273,7 +273,7 @@ def test_blocks_lists_the_library_and_shows_one(cosim):
     assert code == 0 and "NeuralObserver" in out and "OmnidirectionalRobot" in out
     code, out, _ = cosim("blocks", "SlidingModeDifferentiator")
     assert code == 0 and "(29)" in out and "xi_1[n]" in out and "lipschitz" in out
-    code, _, err = cosim("blocks", "NeuralObserv")
+    code, _, err = cosim("blocks", "NeuralObservr")
     assert code == 2 and "NeuralObserver" in err
 
 

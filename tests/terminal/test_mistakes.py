@@ -107,7 +107,7 @@ MISTAKES = {
         "remove it",
     ),
     "an empty list of sources": ("u: source.y", "u: []", 10, "`blocks.lag.inputs.u` is an empty list", "plant.x"),
-    "a number for a source": ("u: source.y", "u: 5", 10, "form block.port, not `5`", "plant.x"),
+    "a number among sources": ("u: source.y", "u: [source.y, 5]", 10, "lists `5` beside what it reads", "block.port"),
     "a window that ends before it begins": (
         "reduce: max",
         "reduce: max, from: 0.8, to: 0.2",
@@ -157,7 +157,7 @@ def test_a_mistake_is_named_with_its_place_and_its_fix(write, capsys, mistake):
 
 TOLD_ONCE = (
     "an empty list of sources",
-    "a number for a source",
+    "a number among sources",
     "a window that ends before it begins",
     "a stop too large for a float",
     "a text for a size",

@@ -15,10 +15,17 @@ from cosim.terminal.screen import print_rows, say
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("section", nargs="?", default="", help="such as run or blocks; study.random of a study")
+    help_ = "print a JSON Schema instead, by which editors complete and check the YAML"
+    parser.add_argument("--schema", choices=["diagram", "study"], help=help_)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the keys of a section, or all. Raises: UnknownKey."""
+    """Print the keys of a section, or all, or their schema. Raises: UnknownKey."""
+    if options.schema:
+        from cosim.project import starting
+
+        print(starting.schema_text(options.schema), end="")
+        return 0
     known = sections()
     if options.section and options.section not in known:
         raise UnknownKey(f"there is no section `{options.section}`", fix=nearest(options.section, known))

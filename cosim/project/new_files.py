@@ -1,0 +1,48 @@
+"""Files that are written where there are none: all of them or not one, and nothing in the place of anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from importlib import resources
+from pathlib import Path
+from string import Template
+
+from cosim.errors import UsageError
+
+
+def template(file: str, /, **words: str) -> str:
+    """A template of this package, `$name` in it replaced by what it stands for."""
+    text = resources.files("cosim.project").joinpath("templates", file).read_text(encoding="utf-8")
+    return Template(text).substitute(words)
+
+
+def write_all(files: Mapping[Path, str]) -> None:
+    """Write text files, with the folders that they are in; what was written is removed again where one fails.
+
+    Raises: UsageError where something stands at one of the names, OSError where one cannot be written.
+    """
+    there = [path for path in files if path.exists() or path.is_symlink()]
+    if there:
+        names = ", ".join(f"`{path}`" for path in there)
+        verb = "are there already" if len(there) > 1 else "is there already"
+        raise UsageError(f"{names} {verb}: nothing is replaced, and nothing was written", fix="choose another name")
+    made: list[Path] = []
+    try:
+        for path, text in files.items():
+            _make_folder(path.parent, made)
+            with path.open("x", encoding="utf-8", newline="\n") as file:
+                made.append(path)
+                file.write(text)
+    except OSError:
+        for path in reversed(made):
+            with suppress(OSError):
+                path.rmdir() if path.is_dir() else path.unlink()
+        raise
+
+
+def _make_folder(folder: Path, made: list[Path]) -> None:
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    for path in reversed(missing):
+        path.mkdir()
+        made.append(path)

@@ -1,0 +1,46 @@
+"""What a new project begins with: a diagram, its blocks, a test, a study, settings for editors, a page to read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from cosim.language import schema
+from cosim.language.keys import DIAGRAM
+from cosim.project.new_files import template, write_all
+from cosim.study.study_keys import STUDY
+
+_FILES = {
+    "README.md": "readme.txt",
+    "diagrams/motor.yaml": "motor_diagram.txt",
+    "blocks/motor.py": "motor_block.txt",
+    "blocks/proportional_controller.py": "controller_block.txt",
+    "studies/gains.yaml": "gains_study.txt",
+    "tests/test_motor.py": "motor_test.txt",
+}
+_EDITOR = {
+    "yaml.schemas": {
+        ".vscode/diagram.schema.json": ["diagrams/*.yaml"],
+        ".vscode/study.schema.json": ["studies/*.yaml"],
+    }
+}
+SCHEMAS = {"diagram": (DIAGRAM, "A diagram of cosim"), "study": (STUDY, "A study of cosim")}
+
+
+def begin(folder: Path) -> list[Path]:
+    """Write a project into a folder, which may be there; its files. Raises: UsageError, OSError."""
+    title = folder.resolve().name or "Project"
+    files = {
+        **{name: template(text, title=title) for name, text in _FILES.items()},
+        **{f".vscode/{name}.schema.json": schema_text(name) for name in SCHEMAS},
+        ".vscode/settings.json": json.dumps(_EDITOR, indent=2) + "\n",
+        ".vscode/extensions.json": json.dumps({"recommendations": ["redhat.vscode-yaml"]}, indent=2) + "\n",
+        ".gitignore": "results/\n__pycache__/\n",
+    }
+    write_all({folder / name: text for name, text in files.items()})
+    return [folder / name for name in files]
+
+
+def schema_text(name: str) -> str:
+    """The JSON Schema of a kind of file, of SCHEMAS."""
+    return schema.text(*SCHEMAS[name])

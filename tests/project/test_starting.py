@@ -1,0 +1,135 @@
+"""A project begins with files that run, and nothing that is there is touched."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cosim.language import source
+from cosim.terminal import cli
+from tests.conftest import BLOCKS
+
+ROOT = Path(__file__).parents[2]
+
+
+def run_tests(folder):
+    """What pytest says of a folder, where nothing of the clone is found but `cosim` itself."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests"]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("name", ["plant", "my prójeĉt"])
+def test_a_fresh_project_runs(tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["init", name]) == 0
+    assert "cosim run diagrams/motor.yaml" in capsys.readouterr().out
+    monkeypatch.chdir(name)
+    assert Path("README.md").read_text().startswith(f"# {name}\n")
+    assert cli.main(["run", "diagrams/motor.yaml", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["metrics"]["speed_at_end"] == pytest.approx(8 * 10 / 9, rel=1e-6)
+    assert cli.main(["study", "studies/gains.yaml", "--json"]) == 0
+    assert cli.main(["blocks"]) == 0
+    assert "blocks/motor.py: The motor.\n  Motor  A motor" in capsys.readouterr().out
+    for word in Path("README.md").read_text().split("`"):
+        if word.endswith(("/", ".yaml", ".py")) and " " not in word:
+            assert Path(word).exists(), word
+
+
+def test_its_tests_and_those_of_a_new_block_pass(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["init", "."]) == 0
+    assert cli.main(["new", "block", "ServoMotor"]) == 0
+    assert cli.main(["new", "block", "lead_lag", "--folder", "deep/own 'blocks'"]) == 0
+    assert "python: deep/own 'blocks'/lead_lag.py:LeadLag" in capsys.readouterr().out
+    done = run_tests(tmp_path)
+    assert done.returncode == 0 and "4 passed" in done.stdout, done.stdout
+
+
+def test_nothing_is_replaced(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("there").mkdir()
+    Path("there/README.md").write_text("mine")
+    assert cli.main(["init", "there"]) == 2
+    assert "`there/README.md` is there already" in capsys.readouterr().err
+    assert [path.name for path in Path("there").iterdir()] == ["README.md"]
+    Path("other").mkdir()
+    Path("other/notes.txt").write_text("mine")
+    assert cli.main(["init", "other"]) == 0
+    assert Path("other/notes.txt").read_text() == "mine"
+    Path("dangling").mkdir()
+    Path("dangling/README.md").symlink_to(tmp_path / "nowhere")
+    assert cli.main(["init", "dangling"]) == 2
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_what_was_written_is_removed_where_the_rest_cannot_be(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("blocks").write_text("a file, not a folder")
+    assert cli.main(["init", "."]) == 2
+    assert "blocks" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["blocks"]
+    assert cli.main(["new", "block", "Servo"]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["blocks"]
+
+
+def test_the_editor_knows_the_keys(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["init", "."]) == 0
+    settings = json.loads(Path(".vscode/settings.json").read_text())["yaml.schemas"]
+    assert all(Path(schema).exists() for schema in settings)
+    capsys.readouterr()
+    for name in ("diagram", "study"):
+        assert cli.main(["keys", "--schema", name]) == 0
+        assert capsys.readouterr().out == Path(f".vscode/{name}.schema.json").read_text()
+
+
+def misfits(schema, value, where=""):
+    """Where a value does not keep a schema, as far as schemas of keys go."""
+    if "anyOf" in schema:
+        ways = [misfits(way, value, where) for way in schema["anyOf"]]
+        return [] if [] in ways else ways[0]
+    if "not" in schema:
+        return [where] if isinstance(value, dict) else []
+    if "enum" in schema:
+        return [] if value in schema["enum"] else [where]
+    kinds = {"object": dict, "null": type(None), "string": str, "number": int | float, "boolean": bool, "array": list}
+    allowed = schema.get("type", list(kinds))
+    if not any(isinstance(value, kinds[kind]) for kind in ([allowed] if isinstance(allowed, str) else allowed)):
+        return [where]
+    wrong = []
+    for key, child in value.items() if isinstance(value, dict) and "properties" in schema else ():
+        below = schema["properties"].get(key, schema["additionalProperties"])
+        if key.endswith("+"):
+            below = {"type": "array"}
+        wrong += [f"{where}.{key}"] if below is False else misfits(below, child, f"{where}.{key}")
+    return wrong
+
+
+def schema_of(name, capsys):
+    capsys.readouterr()
+    assert cli.main(["keys", "--schema", name]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_every_shipped_diagram_and_study_keeps_the_schema(capsys):
+    from cosim.errors import Problems
+
+    kinds = {kind: schema_of(kind, capsys) for kind in ("diagram", "study")}
+    files = [path for path in (ROOT / "diagrams").rglob("*.yaml") if "results" not in path.parts]
+    assert len(files) > 10
+    for path in files:
+        tree = source.read(path, Problems())
+        kind = "study" if "diagram" in tree.value else "diagram"
+        assert misfits(kinds[kind], tree.plain()) == [], path
+
+
+def test_the_schema_finds_slips_and_lets_overlays_add_and_take_away(capsys):
+    schema = schema_of("diagram", capsys)
+    block = {"python": f"{BLOCKS}:Lag", "inputs": {"u": 0}, "parameters": {"T": {"file": "t.csv", "column": "T"}}}
+    assert misfits(schema, {"blocks": {"a": block}, "record": {"signals+": ["a.x"]}, "run": {"method": None}}) == []
+    assert misfits(schema, {"blokcs": {}, "run": {"method": "jacoby"}}) == [".blokcs", ".run.method"]
