@@ -31,6 +31,16 @@ function           writes
                    stands there for how it has crossed: 1 upwards, -1 downwards, 0 not
 =================  ==========================================================================================
 
+A dimension with a question mark is open: ``u = Input("n?")`` is a scalar, a vector or a matrix, as what is wired to it,
+and so are ``k = Parameter("n?")`` and ``y = Output("n?")`` then; a number given for `k` serves all elements. The
+functions see the elements as one axis (``u.size`` is 1 for a scalar), so that one class does for all::
+
+    def outputs(u, k, y):
+        for q in range(y.size):
+            y[q] = k[q] * u[q]
+
+In a fleet, an open input takes each member's own part of what comes from that fleet, and the whole of all else.
+
 A scalar that is read comes as a number, one that is written as an array of one element. ``time`` (s) may be named by
 any function, and so may ``period`` (s), the diagram's, where the block is sampled. Raising an exception (with constant
 arguments) in a function stops the run and names the block, and so does an index out of bounds (a negative one counts

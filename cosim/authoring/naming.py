@@ -13,7 +13,7 @@ import numpy as np
 from cosim.authoring import quantities
 from cosim.authoring.author_source import class_text, function_text, shown
 from cosim.authoring.declaration import KINDS
-from cosim.authoring.variables import CROSSINGS, Indicator, Parameter, State, Variable
+from cosim.authoring.variables import CROSSINGS, Indicator, OpenDimension, Parameter, State, Variable
 from cosim.errors import DeclarationError, ExpressionError, Position, nearest
 from cosim.language import expression
 
@@ -72,6 +72,9 @@ def _variable(name: str, variable: Any, states: set[str], sizes: set[Any]) -> tu
         if not named and (isinstance(size, bool) or not isinstance(size, int) or size < 1):
             what = f"the shape of `{name}` has {size!r}, which is neither a name nor a whole number from 1"
             return what, 'write the sizes one by one, such as ("robots", 2)'
+    if sum(isinstance(size, OpenDimension) for size in variable.shape) > 1:
+        what = f"the shape of `{name}` has two open dimensions, so that nobody could tell which axis is whose"
+        return what, "write `?` behind one of them only"
     return None
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.authoring.variables import OpenDimension
 from cosim.errors import WrongUnit
 from cosim.language import units
 
@@ -80,6 +81,8 @@ def _count(given: Any, shape: tuple[Any, ...], words: str, fix: str) -> tuple[st
         return None
     if not shape:
         return f"{given!r} are {words} for several elements of a scalar", fix
+    if isinstance(shape[0], OpenDimension):
+        return f"{given!r} are {words} along an axis that there may not be, as `{shape[0]}?` is open", fix
     if not given or (isinstance(shape[0], int) and len(given) != shape[0]):
         what = f"{len(given)} {words} for the {shape[0]} elements of the first axis"
         return what, "write one for each, or one for all"

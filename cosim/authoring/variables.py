@@ -14,14 +14,34 @@ Unit = str | tuple[str, ...] | None
 Numbers = float | tuple[float, ...] | None
 
 
+class OpenDimension(str):
+    """The name of an open dimension, which is any number of axes: none where the variable is a scalar.
+
+    It is declared with a question mark, ``"n?"``. What is wired or given says which axes there are; the functions see
+    them as one, of 1 for a scalar, elements in row-major order.
+    """
+
+    __slots__ = ()
+
+
+def dimension_of(size: int | str) -> int | str:
+    """A size, or the name of a dimension, as a shape is declared with it."""
+    return OpenDimension(size[:-1]) if isinstance(size, str) and size.endswith("?") else size
+
+
+def shape_text(shape: tuple[int | str, ...]) -> str:
+    """A declared shape as its author wrote it: `[n?, 3]`; "" for a scalar."""
+    return f"[{', '.join(f'{d}?' if isinstance(d, OpenDimension) else str(d) for d in shape)}]" if shape else ""
+
+
 class Variable:
     """One declared quantity of a block.
 
-    shape: sizes or names of dimensions, () for a scalar. unit: one for all elements, or one for each element of the
-    first axis, or None where the block does not care. dtype: one of `cosim.authoring.naming.TYPES`; a block that is no
-    author's may have others. finite: a run in which it becomes NaN, infinite or as large as `cosim.master.loop.LIMIT`
-    has diverged; False for what means something by NaN or infinity, such as a table of events or the distance to
-    nobody.
+    shape: sizes or names of dimensions, () for a scalar; one may be open: see `OpenDimension`. unit: one for all
+    elements, or one for each element of the first axis, or None where the block does not care. dtype: one of
+    `cosim.authoring.naming.TYPES`; a block that is no author's may have others. finite: a run in which it becomes NaN,
+    infinite or as large as `cosim.master.loop.LIMIT` has diverged; False for what means something by NaN or infinity,
+    such as a table of events or the distance to nobody.
 
     nominal, min, max: the usual size of its values, above 0, and their limits, which are allowed themselves; one number
     for all elements, or one for each element of the first axis. A parameter or start value beyond a limit is an error;
@@ -48,7 +68,7 @@ class Variable:
         display: Unit = None,
     ) -> None:
         self.name = ""
-        self.shape = shape
+        self.shape = tuple(dimension_of(size) for size in shape)
         self.unit = unit
         self.description = description
         self.dtype = np.dtype(dtype)
@@ -63,7 +83,7 @@ class Variable:
         self.name = name
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__} {self.name}{list(self.shape)}"
+        return f"{type(self).__name__} {self.name}{shape_text(self.shape)}"
 
 
 class Input(Variable):
@@ -173,7 +193,12 @@ def spread(numbers: Numbers, shape: tuple[int, ...], dtype: Any = float) -> np.n
 
 @dataclass
 class Dimension:
-    """A named dimension with a default size; names used in shapes without this are solved from the wiring."""
+    """A named dimension with a default size, or with as many elements as another one, `of`, less so many.
 
-    default: int
+    Names used in shapes without this are solved from the wiring.
+    """
+
+    default: int | None = None
     description: str = ""
+    of: str = ""
+    less: int = 0

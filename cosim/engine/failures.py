@@ -38,7 +38,7 @@ def divergence(program: Program, arena: np.ndarray, offset: int, time: float) ->
 
 def _named(component: Component, variable: Variable, element: int) -> str:
     """A variable, with the indices of one of its elements from 1."""
-    index = np.unravel_index(element, component.shape(variable)) if variable.shape else ()
+    index = np.unravel_index(element, component.shape(variable))
     return variable.name + (f"[{','.join(str(int(i) + 1) for i in index)}]" if index else "")
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cosim.authoring.declaration import Function
+from cosim.authoring.declaration import Function, variable_of
 from cosim.compiling.frame import frame_of
 from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout, marks
@@ -94,7 +94,8 @@ class Writer:
         placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None}
         offset = self.layout.constant(np.array(frame.words(component.count, sizes, placed), np.int64))
         self._row(tables.CALL, len(self.calls), offset, clock=clock, at_end=at_end)
-        self.calls.append(Call(component.name, function, component.count, offset, tuple(places.values())))
+        seen = (_as_seen(component, name, place) for name, place in places.items())
+        self.calls.append(Call(component.name, function, component.count, offset, tuple(seen)))
 
     def call_kind(self, component: Component, kind: str, clock: int = 0) -> None:
         """The functions of one kind of a component."""
@@ -226,6 +227,13 @@ class Writer:
         for function in (*order.needed_outputs(component), *component.declaration.kind("derivatives")):
             self.call(component, function, stage=True, hidden=hidden)
         return self.end(begin)
+
+
+def _as_seen(component: Component, argument: str, place: Place | None) -> Place | None:
+    """The place of an argument in the shape in which an author's function sees it."""
+    if place is None or component.declaration.foreign:
+        return place
+    return replace(place, shape=component.seen_shape(variable_of(component.declaration, argument)))
 
 
 def _unwrite(writer: Writer, signal: Signal) -> None:

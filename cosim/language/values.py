@@ -66,7 +66,7 @@ class Value:
         """Evaluated; a scalar fills the shape. Raises: ExpressionError, WrongValue."""
         if self.shape == () and shape != ():
             return np.full(shape, self._number(dtype, names), dtype)
-        return np.array(self._evaluate(dtype, names), dtype).reshape(shape)
+        return np.broadcast_to(np.array(self._evaluate(dtype, names), dtype), shape).copy()
 
     def _evaluate(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
         if isinstance(self.content, np.ndarray):

@@ -8,7 +8,7 @@ import sys
 from cosim.authoring.author_source import shown
 from cosim.authoring.block import Block
 from cosim.authoring.declaration import Declaration
-from cosim.authoring.variables import Parameter, State, Variable
+from cosim.authoring.variables import Dimension, Parameter, State, Variable, shape_text
 from cosim.errors import Position
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
@@ -101,10 +101,14 @@ def print_block(name: str) -> None:
             say("")
     if declaration.dimensions:
         say("dimensions:")
-        print_rows([[n, f"default {d.default}", d.description] for n, d in declaration.dimensions.items()], indent="  ")
+        print_rows([[n, _size(d), d.description] for n, d in declaration.dimensions.items()], indent="  ")
         say("")
     for rule in declaration.rules:
         say(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
+
+
+def _size(dimension: Dimension) -> str:
+    return f"{dimension.of} - {dimension.less}" if dimension.of else f"default {dimension.default}"
 
 
 def _block(name: str) -> type[Block]:
@@ -113,7 +117,6 @@ def _block(name: str) -> type[Block]:
 
 
 def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
-    shape = f"[{', '.join(map(str, variable.shape))}]" if variable.shape else ""
     unit = ", ".join(variable.unit) if isinstance(variable.unit, tuple) else variable.unit or ""
     notes = [variable.description]
     if isinstance(variable, Parameter):
@@ -126,7 +129,7 @@ def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
     if variable.causality == "output":
         notes.append(_feedthrough(declaration, variable))
     kind = "" if variable.dtype == float else variable.dtype.name
-    return [f"{variable.name}{shape}", unit, kind, "; ".join(n for n in notes if n)]
+    return [f"{variable.name}{shape_text(variable.shape)}", unit, kind, "; ".join(n for n in notes if n)]
 
 
 def _feedthrough(declaration: Declaration, variable: Variable) -> str:

@@ -156,8 +156,9 @@ def _count(draft: Draft, component: Component) -> None:
 def _size(draft: Draft, component: Component) -> None:
     """The default sizes of dimensions, and those that the diagram gives."""
     declaration = component.declaration
-    component.axes = {name: Axis(size.default) for name, size in declaration.dimensions.items()}
-    known = declaration.dimension_names()
+    component.axes = {name: Axis(d.default) for name, d in declaration.dimensions.items() if d.default}
+    names = dict.fromkeys((*declaration.dimension_names(), *declaration.dimensions))
+    known = [name for name in names if not getattr(declaration.dimensions.get(name), "of", "")]
     for name, node in component.entry.dimensions.items():
         if name in known:
             component.axes[name] = Axis(int(node.value))

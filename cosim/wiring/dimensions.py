@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from cosim.authoring.variables import Variable
+from collections.abc import Iterable
+
+from cosim.authoring.variables import OpenDimension, Variable
 from cosim.errors import FleetMismatch, Problems, UnsolvedDimension, WrongShape
 from cosim.language.source import Node
 from cosim.language.values import Value
 from cosim.wiring.network import Axis, Component, Signal
+from cosim.wiring.open_dimensions import (
+    close_known,
+    close_one,
+    is_unknown,
+    is_waiting,
+    learn,
+    open_dimension,
+    shape_text,
+    spelled_out,
+)
 
 Values = dict[tuple[str, str], Value]
 
@@ -27,18 +39,41 @@ class _Dimensions:
         self.origins: dict[tuple[str, int | str], str] = {}  # by component and dimension: what gave it its size
 
     def solve(self) -> None:
-        """From wires, then from values, until nothing new is learnt."""
-        learnt = True
-        while learnt:
-            before = {n: dict(s.axes) for n, s in self.components.items()}
-            for component in self.components.values():
-                for port in list(component.wires):
-                    self.problems.attempt(self._learn_from_wire, component, port)
-            for (name, variable), value in list(self.values.items()):
-                component = self.components[name]
-                if not self.problems.attempt(self._fits, component, component.declaration.variables[variable], value):
-                    del self.values[name, variable]
-            learnt = any(before[n] != s.axes for n, s in self.components.items())
+        """From wires, then from values, until nothing new is learnt; what is open then is closed."""
+        while (
+            self._learn_from_wires()
+            or self._learn_from_values()
+            or close_known(self.components)
+            or self._learn_from_values(waiting=True)
+            or close_one(self.components)
+        ):
+            pass
+
+    def _learn_from_wires(self) -> bool:
+        before = self._known()
+        for component in self.components.values():
+            for name, dimension in component.declaration.dimensions.items():
+                if dimension.of in component.axes and name not in component.axes:
+                    component.axes[name] = Axis(component.axes[dimension.of].size - dimension.less)
+            for port in list(component.wires):
+                self.problems.attempt(self._learn_from_wire, component, port)
+        return before != self._known()
+
+    def _learn_from_values(self, waiting: bool = False) -> bool:
+        """waiting: also of components whose wires have not said yet what is open, until one has been learnt from."""
+        before = self._known()
+        for (name, variable), value in list(self.values.items()):
+            component = self.components[name]
+            if not waiting and is_waiting(component):
+                continue
+            if not self.problems.attempt(self._fits, component, component.declaration.variables[variable], value):
+                del self.values[name, variable]
+            if waiting and before != self._known():
+                return True
+        return before != self._known()
+
+    def _known(self) -> list[tuple[dict[str, Axis], dict[str, tuple[Axis, ...]]]]:
+        return [({**component.axes}, {**component.opened}) for component in self.components.values()]
 
     def _learn_from_wire(self, component: Component, port: str) -> None:
         variable = component.declaration.variables[port]
@@ -46,13 +81,32 @@ class _Dimensions:
         if axes is None:
             return
         node = component.entry.inputs[port]
-        if component.fleet and len(axes) == len(variable.shape) + 1 and axes[0].size == component.count:
+        if self._is_dealt(component, variable, axes):
             axes = axes[1:]
-        if len(axes) != len(variable.shape):
+        origin = f"input `{port}` at {node.position}"
+        dimensions = self._learn_open(component, variable, axes, origin)
+        if len(axes) != len(dimensions):
             raise self._shape_error(component, variable, axes, node)
-        for dimension, axis in zip(variable.shape, axes, strict=True):
-            if not self._unify(component, dimension, axis, f"input `{port}` at {node.position}"):
+        for dimension, axis in zip(dimensions, axes, strict=True):
+            if not self._unify(component, dimension, axis, origin):
                 raise self._shape_error(component, variable, axes, node)
+
+    def _is_dealt(self, component: Component, variable: Variable, axes: tuple[Axis, ...]) -> bool:
+        """Whether what arrives is dealt out to the members of a fleet; to open inputs, what comes from that fleet."""
+        if not component.fleet or not axes or axes[0].size != component.count:
+            return False
+        if is_unknown(component, variable):
+            return axes[0].fleet == component.fleet
+        return len(axes) == len(spelled_out(component, variable)) + 1
+
+    def _learn_open(
+        self, component: Component, variable: Variable, axes: tuple[Axis, ...], origin: str
+    ) -> tuple[int | str, ...]:
+        """The dimensions of a variable, axis by axis, after its open one has been learnt."""
+        if is_unknown(component, variable):
+            self.origins.setdefault((component.name, str(open_dimension(variable))), origin)
+        learn(component, variable, axes)
+        return spelled_out(component, variable)
 
     def _arriving(self, component: Component, port: str) -> tuple[Axis, ...] | None:
         """The axes that arrive at an input: those of its source, or of its sources joined along the first axis."""
@@ -67,8 +121,9 @@ class _Dimensions:
             message = f"block {component.name}: the sources joined for input `{port}` differ in shape"
             raise WrongShape(message, component.entry.inputs[port].position, "join signals that differ in members only")
         size = sum(axes[0].size for axes in parts)
+        own = component.fleet if size == component.count else None
         fleet = next((f for f, n in self.fleets.items() if n == size), None)
-        return (Axis(size, component.fleet or fleet), *parts[0][1:])
+        return (Axis(size, own or fleet), *parts[0][1:])
 
     def _axes(self, component: Component, port: str, source: Signal) -> tuple[Axis, ...] | None:
         """The axes of one source of an input; None while they are not known."""
@@ -97,41 +152,59 @@ class _Dimensions:
         return known.size == axis.size
 
     def _shape_error(self, component: Component, variable: Variable, axes: tuple[Axis, ...], node: Node) -> WrongShape:
-        expected = ", ".join(self._dimension_text(component, d) for d in variable.shape)
         arrived = ", ".join(f"{a.fleet}: {a.size}" if a.fleet else str(a.size) for a in axes)
-        message = f"block {component.name}: input `{variable.name}` takes ({expected}), but ({arrived}) arrives"
+        expected = shape_text(component, variable)
+        message = f"block {component.name}: input `{variable.name}` takes {expected}, but ({arrived}) arrives"
+        message += self._origins_text(component, [d for d in variable.shape if isinstance(d, OpenDimension)])
         fleet = axes[0].fleet if axes else None
         fix = f"is `per: {fleet}` missing?" if fleet and not component.fleet else "wire a signal of that shape"
         return WrongShape(message, node.position, fix)
 
-    def _dimension_text(self, component: Component, dimension: int | str) -> str:
-        known = component.axes.get(dimension) if isinstance(dimension, str) else None
-        return f"{dimension} = {known.size}" if known else str(dimension)
+    def _origins_text(self, component: Component, dimensions: Iterable[int | str]) -> str:
+        """Where the sizes of dimensions come from."""
+        given = {d: self.origins[component.name, d] for d in dimensions if (component.name, d) in self.origins}
+        return "".join(f"; `{d}` is that of {origin}" for d, origin in given.items())
 
     def _fits(self, component: Component, variable: Variable, value: Value) -> bool:
         """Learn from a value. Raises: FleetMismatch, WrongShape."""
-        shape = value.shape
-        rank = len(variable.shape)
+        shape, dimensions = value.shape, spelled_out(component, variable)
+        rank = len(dimensions)
         if shape == ():
             return True
+        if is_unknown(component, variable):
+            return self._fits_open(component, variable, value)
         if component.fleet and len(shape) == rank + 1:
-            if shape[0] != component.count:
-                members = f"{component.count} {component.fleet}s"
-                message = f"block {component.name}: `{variable.name}` has {shape[0]} entries for {members}"
-                fix = f"give one for each {component.fleet}, or one value for all"
-                raise FleetMismatch(message, value.position, fix)
+            self._check_members(component, variable, value)
             shape = shape[1:]
         elif len(shape) == rank - 1:  # one row, evaluated for each member of the first axis
-            if not self._unify_all(component, variable, variable.shape[1:], shape, value):
+            if not self._unify_all(component, variable, dimensions[1:], shape, value):
                 raise self._value_error(component, variable, value)
             return True
-        if len(shape) == rank and rank and component.counts_members(variable.shape[0]):
-            size = component.axes[variable.shape[0]].size
-            if shape[0] != size:
-                message = f"block {component.name}: `{variable.name}` has {shape[0]} entries for a fleet of {size}"
-                raise FleetMismatch(message, value.position, "give one for each member, or an expression in i")
-        if len(shape) != rank or not self._unify_all(component, variable, variable.shape, shape, value):
+        own = component.axes_of(variable.shape[0]) if variable.shape and variable.shape[0] in component.axes else ()
+        if len(shape) == rank and own and own[0].fleet and shape[0] != own[0].size:
+            message = f"block {component.name}: `{variable.name}` has {shape[0]} entries for a fleet of {own[0].size}"
+            raise FleetMismatch(message, value.position, "give one for each member, or an expression in i")
+        if len(shape) != rank or not self._unify_all(component, variable, dimensions, shape, value):
             raise self._value_error(component, variable, value)
+        return True
+
+    def _check_members(self, component: Component, variable: Variable, value: Value) -> None:
+        """Raises: FleetMismatch where a value has not one entry for each member."""
+        if value.shape[0] != component.count:
+            members = f"{component.count} {component.fleet}s"
+            message = f"block {component.name}: `{variable.name}` has {value.shape[0]} entries for {members}"
+            raise FleetMismatch(message, value.position, f"give one for each {component.fleet}, or one value for all")
+
+    def _fits_open(self, component: Component, variable: Variable, value: Value) -> bool:
+        """Learn an open dimension. A list with as many entries as there are members has one for each of them."""
+        shape, others = value.shape, len(variable.shape) - 1
+        if component.fleet and shape[0] == component.count and len(shape) > others:
+            shape = shape[1:]
+        if len(shape) > others:
+            axes, origin = tuple(Axis(size) for size in shape), f"`{variable.name}` at {value.position}"
+            dimensions = self._learn_open(component, variable, axes, origin)
+            if not self._unify_all(component, variable, dimensions, shape, value):
+                raise self._value_error(component, variable, value)
         return True
 
     def _unify_all(
@@ -147,17 +220,17 @@ class _Dimensions:
         return all(agree)
 
     def _value_error(self, component: Component, variable: Variable, value: Value) -> WrongShape:
-        expected = ", ".join(self._dimension_text(component, d) for d in variable.shape)
-        message = f"block {component.name}: `{variable.name}` has the shape ({expected}), not {value.shape}"
-        given = {d: self.origins[component.name, d] for d in variable.shape if (component.name, d) in self.origins}
-        message += "".join(f"; `{d}` is that of {origin}" for d, origin in given.items())
+        expected = shape_text(component, variable)
+        message = f"block {component.name}: `{variable.name}` has the shape {expected}, not {value.shape}"
+        message += self._origins_text(component, variable.shape)
         return WrongShape(message, value.position, "give a list of that shape, or one number for all elements")
 
 
 def report_unsolved(components: dict[str, Component], problems: Problems) -> None:
     """An UnsolvedDimension for every named dimension that nothing determines."""
     for component in components.values():
-        for name in sorted(set(component.declaration.dimension_names()) - set(component.axes)):
+        opened = {open_dimension(v) for v in component.declaration.variables.values()}
+        for name in sorted(set(component.declaration.dimension_names()) - set(component.axes) - opened):
             message = (
                 f"block {component.name}: nothing determines the dimension `{name}` of {component.declaration.name}"
             )

@@ -125,7 +125,8 @@ def _array(component: Component, variable: Variable, value: Value, fleets: Mappi
             if members is None
             else members
         )
-    if shape and component.counts_members(variable.shape[0]):
+    own = component.own_axes(variable)
+    if own and own[0].fleet:
         members = _members(variable, value, shape[0], shape[1:])
         if members is None:
             members = np.broadcast_to(value.array(shape[1:], variable.dtype, {"i": 1.0, "N": float(shape[0])}), shape)

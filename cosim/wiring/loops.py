@@ -117,9 +117,9 @@ def _is_memberwise(network: Network, loop: Loop) -> bool:
 
 def _is_own(network: Network, port: Signal, source: Signal) -> bool:
     """Whether each member reads that of a source which is its own, and nothing else."""
-    entry = network.components[port.component].entry
-    whole = source.members is None and not isinstance(entry.inputs[port.variable].value, list)
-    return whole and len(network.shape(source)) == len(network.variable(port).shape) + 1
+    component = network.components[port.component]
+    whole = source.members is None and not isinstance(component.entry.inputs[port.variable].value, list)
+    return whole and len(network.shape(source)) == len(component.shape(network.variable(port))) + 1
 
 
 def _cost(

@@ -55,7 +55,7 @@ def _unit_given(components: Components, source: Signal) -> Unit:
 def _unit_taken(components: Components, component: Component, port: str, source: Signal, joined: int) -> Unit:
     """The unit of what a source brings of an input, whose first axis several may fill one after the other."""
     variable, sources = component.declaration.variables[port], component.wires[port]
-    along = max(1, *(len(_axes(components, s)) for s in sources)) == len(variable.shape)
+    along = max(1, *(len(_axes(components, s)) for s in sources)) == len(variable.shape)  # tuples: no open dimension
     if isinstance(variable.unit, tuple) and len(sources) > 1 and along:
         return variable.unit[joined : joined + _length(components, source)]
     return variable.unit

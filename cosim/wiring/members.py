@@ -44,7 +44,7 @@ def _reached(begin: Iterable[str], ways: Mapping[str, set[str]]) -> set[str]:
 
 def _is_own(network: Network, component: Component, port: str, source: Signal) -> bool:
     """Whether each member reads the same member of a source."""
-    rank = len(component.declaration.variables[port].shape)
+    rank = len(component.shape(component.declaration.variables[port]))
     return source.members is None and not component.is_joined(port) and len(network.shape(source)) == rank + 1
 
 

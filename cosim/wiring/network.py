@@ -8,12 +8,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from typing import TypeGuard
 
 import numpy as np
 
 from cosim.authoring.declaration import Declaration, Function
-from cosim.authoring.variables import Indicator, Input, State, Variable
+from cosim.authoring.variables import Indicator, Input, OpenDimension, State, Variable
 from cosim.errors import Position, UnknownBlock, UnknownPort, nearest
 from cosim.integrators import Integration
 from cosim.language.diagram import BlockEntry, Diagram
@@ -113,7 +112,9 @@ class Coupling:
 class Component:
     """One block of a diagram, wired. Values have the shape (instances or 1, *shape of the variable).
 
-    clock: when it is due; None: at every communication point.
+    axes: by the name of the dimension; of an open one, its elements as one axis. opened: the axes of an open one; where
+    only their number is known, one axis, or none for one element. clock: when it is due; None: at every communication
+    point.
     """
 
     name: str
@@ -122,6 +123,7 @@ class Component:
     fleet: str | None = None
     count: int = 1
     axes: dict[str, Axis] = field(default_factory=dict)
+    opened: dict[str, tuple[Axis, ...]] = field(default_factory=dict)
     values: dict[str, np.ndarray] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     wires: dict[str, tuple[Signal, ...]] = field(default_factory=dict)
@@ -129,8 +131,25 @@ class Component:
     clock: Clock | None = None
     integration: Integration = field(default_factory=Integration)
 
+    def own_axes(self, variable: Variable) -> tuple[Axis, ...]:
+        """The axes of a variable in one instance, whose dimensions are solved."""
+        return tuple(axis for d in variable.shape for axis in self.axes_of(d))
+
+    def axes_of(self, dimension: int | str) -> tuple[Axis, ...]:
+        """The axes of a dimension that is solved: one, but of an open one those that there are."""
+        if isinstance(dimension, int):
+            return (Axis(dimension),)
+        if isinstance(dimension, OpenDimension):
+            alone = () if self.axes[dimension].size == 1 else (self.axes[dimension],)
+            return self.opened.get(dimension, alone)
+        return (self.axes[dimension],)
+
     def shape(self, variable: Variable) -> tuple[int, ...]:
         """The shape of a variable in one instance."""
+        return tuple(axis.size for axis in self.own_axes(variable))
+
+    def seen_shape(self, variable: Variable) -> tuple[int, ...]:
+        """The shape in which functions see a variable: an open dimension is one axis, of 1 for a scalar."""
         return tuple(d if isinstance(d, int) else self.axes[d].size for d in variable.shape)
 
     def nbytes(self, variable: Variable) -> int:
@@ -141,7 +160,7 @@ class Component:
         """The axes of a variable over all instances; None while a dimension is not solved."""
         if any(isinstance(d, str) and d not in self.axes for d in variable.shape):
             return None
-        own = tuple(Axis(d) if isinstance(d, int) else self.axes[d] for d in variable.shape)
+        own = self.own_axes(variable)
         return (Axis(self.count, self.fleet), *own) if self.fleet else own
 
     @property
@@ -179,10 +198,6 @@ class Component:
     def is_late(self, port: str) -> bool:
         """Whether an input is what was there some time ago."""
         return port in self.couplings and self.couplings[port].delay > 0
-
-    def counts_members(self, dimension: int | str) -> TypeGuard[str]:
-        """Whether a dimension is the size of a fleet."""
-        return isinstance(dimension, str) and dimension in self.axes and self.axes[dimension].fleet is not None
 
     def constants(self) -> dict[str, int]:
         """The dimensions that are compiled into kernels: those of ports, unless a fleet sets them."""
@@ -269,8 +284,17 @@ class Network:
 
     @cached_property
     def watched(self) -> list[Component]:
-        """The components with event indicators; foreign ones look for themselves where no step can be done anew."""
+        """The components with event indicators; foreign ones look for themselves where no step can be done anew.
+
+        Where steps are of one size only, what changes nothing but where they end is not looked for.
+        """
         several = [c for c in self.components.values() if any(c.declaration.of(Indicator))]
+        if self.rigid:
+            several = [
+                c
+                for c in several
+                if c.declaration.kind("event") or any(i.terminal for i in c.declaration.of(Indicator))
+            ]
         return [c for c in several if not (c.declaration.foreign and (self.stuck or self.rigid))]
 
     def flows(self, component: Component, port: str) -> bool:

@@ -136,6 +136,6 @@ def _constant(component: Component, port: str) -> str:
 def _dealt(network: Network, component: Component, port: str) -> tuple[str, ...]:
     """The fleets of a port's sources, where the members of another fleet get one element each of them."""
     axes = [network.axes(source) for source in component.wires[port]]
-    dealt = component.fleet and max(map(len, axes)) > len(component.declaration.variables[port].shape)
+    dealt = component.fleet and max(map(len, axes)) > len(component.shape(component.declaration.variables[port]))
     fleets = dict.fromkeys(own[0].fleet for own in axes if own)
     return tuple(fleet or "" for fleet in fleets) if dealt and component.fleet not in fleets else ()

@@ -1,0 +1,254 @@
+"""Signals that come from nowhere: constants, steps, waves, tables. Each is a scalar, or a vector by its parameters."""
+
+import math
+
+import numpy as np
+
+from cosim import Block, Indicator, Output, Parameter, State, rule
+
+
+class Constant(Block):
+    """A constant.
+
+    ::
+
+        y = value
+    """
+
+    value = Parameter("n?", default=1.0, description="a number, or a list of them")
+    y = Output("n?", description="the constant")
+
+    def outputs(value, y):
+        for q in range(y.size):
+            y[q] = value[q]
+
+
+class Step(Block):
+    """A step from one value to another.
+
+    ::
+
+        y = initial for t < at,   final from then on
+
+    The jump is an event, so that it falls between two steps of all blocks, whenever it is.
+    """
+
+    at = Parameter("n?", unit="s", default=1.0, description="time of the step")
+    initial = Parameter("n?", default=0.0, description="value before")
+    final = Parameter("n?", default=1.0, description="value after")
+    after = State("n?", dtype=bool, start=False, description="whether the step has been")
+    due = Indicator("n?", crossing="falling", unit="s", description="time to the step")
+    y = Output("n?", description="the step")
+
+    def start(time, at, after):
+        for q in range(after.size):
+            after[q] = time >= at[q]
+
+    def outputs(initial, final, after, y):
+        for q in range(y.size):
+            y[q] = final[q] if after[q] else initial[q]
+
+    def indicators(time, at, due):
+        for q in range(due.size):
+            due[q] = at[q] - time
+
+    def event(due, next_after):
+        for q in range(due.size):
+            if due[q] < 0:
+                next_after[q] = True
+
+
+class Ramp(Block):
+    """A ramp that begins at some time.
+
+    ::
+
+        y = initial + slope max(0, t - at)
+    """
+
+    slope = Parameter("n?", default=1.0, description="rise in a second")
+    at = Parameter("n?", unit="s", default=0.0, description="when it begins")
+    initial = Parameter("n?", default=0.0, description="value before")
+    kink = Indicator("n?", crossing="falling", unit="s", description="time to the kink")
+    y = Output("n?", description="the ramp")
+
+    def outputs(time, slope, at, initial, y):
+        for q in range(y.size):
+            y[q] = initial[q] + slope[q] * max(0.0, time - at[q])
+
+    def indicators(time, at, kink):
+        for q in range(kink.size):
+            kink[q] = at[q] - time
+
+
+class Sine(Block):
+    """A sine wave.
+
+    ::
+
+        y = bias + amplitude sin(2 pi frequency t + phase)
+    """
+
+    amplitude = Parameter("n?", default=1.0, description="amplitude")
+    frequency = Parameter("n?", unit="Hz", default=1.0, description="frequency")
+    phase = Parameter("n?", unit="rad", default=0.0, description="phase at time zero")
+    bias = Parameter("n?", default=0.0, description="mean value")
+    y = Output("n?", description="the wave")
+
+    def outputs(time, amplitude, frequency, phase, bias, y):
+        for q in range(y.size):
+            y[q] = bias[q] + amplitude[q] * math.sin(2.0 * math.pi * frequency[q] * time + phase[q])
+
+
+class Chirp(Block):
+    """A sine wave whose frequency rises or falls along a line, and stays after that.
+
+    ::
+
+        y = amplitude sin(2 pi (first t + (last - first) t^2 / (2 duration)))    for t < duration
+            amplitude sin(2 pi ((first - last) duration / 2 + last t))           from then on
+    """
+
+    amplitude = Parameter("n?", default=1.0, description="amplitude")
+    first = Parameter("n?", unit="Hz", default=0.1, description="frequency at time zero")
+    last = Parameter("n?", unit="Hz", default=10.0, description="frequency at the end of the sweep")
+    duration = Parameter("n?", unit="s", default=10.0, description="how long the sweep takes")
+    y = Output("n?", description="the wave")
+
+    positive = rule("duration > 0")(lambda duration: bool(np.all(duration > 0.0)))
+
+    def outputs(time, amplitude, first, last, duration, y):
+        for q in range(y.size):
+            if time < duration[q]:
+                cycles = (first[q] + 0.5 * (last[q] - first[q]) * time / duration[q]) * time
+            else:
+                cycles = 0.5 * (first[q] - last[q]) * duration[q] + last[q] * time
+            y[q] = amplitude[q] * math.sin(2.0 * math.pi * cycles)
+
+
+class Pulse(Block):
+    """One rectangular pulse.
+
+    ::
+
+        y = high for at <= t < at + width,   low else
+
+    Both edges are events.
+    """
+
+    at = Parameter("n?", unit="s", default=1.0, description="when it begins")
+    width = Parameter("n?", unit="s", default=1.0, description="how long it lasts")
+    high = Parameter("n?", default=1.0, description="value of the pulse")
+    low = Parameter("n?", default=0.0, description="value before and after")
+    passed = State("n?", dtype=np.int32, start=0, description="edges that have been")
+    due = Indicator("n?", crossing="falling", unit="s", description="time to the next edge")
+    y = Output("n?", description="the pulse")
+
+    positive = rule("width > 0")(lambda width: bool(np.all(width > 0.0)))
+
+    def start(time, at, width, passed):
+        for q in range(passed.size):
+            passed[q] = 0 if time < at[q] else (1 if time < at[q] + width[q] else 2)
+
+    def outputs(high, low, passed, y):
+        for q in range(y.size):
+            y[q] = high[q] if passed[q] == 1 else low[q]
+
+    def indicators(time, at, width, passed, due):
+        for q in range(due.size):
+            due[q] = at[q] - time if passed[q] == 0 else (at[q] + width[q] - time if passed[q] == 1 else 1.0)
+
+    def event(due, passed, next_passed):
+        for q in range(due.size):
+            if due[q] < 0:
+                next_passed[q] = passed[q] + 1
+
+
+def edge_time(edges: int, frequency: float, duty: float, delay: float) -> float:
+    """When a square wave has its next edge (s), after so many."""
+    cycle = edges // 2
+    return delay + (cycle + (duty if edges % 2 == 1 else 0.0)) / frequency
+
+
+class Square(Block):
+    """A square wave; with `low` 0, a train of pulses.
+
+    ::
+
+        y = high for 0 <= (t - delay) frequency mod 1 < duty,   low else and before the delay
+
+    Its edges are events.
+    """
+
+    high = Parameter("n?", default=1.0, description="upper value")
+    low = Parameter("n?", default=-1.0, description="lower value")
+    frequency = Parameter("n?", unit="Hz", default=1.0, description="frequency")
+    duty = Parameter("n?", unit="1", default=0.5, description="part of a period in which it is high")
+    delay = Parameter("n?", unit="s", default=0.0, description="when it first rises")
+    edges = State("n?", dtype=np.int64, start=0, description="edges that have been")
+    due = Indicator("n?", crossing="falling", unit="s", description="time to the next edge")
+    y = Output("n?", description="the wave")
+
+    fraction = rule("0 < duty < 1")(lambda duty: bool(np.all((duty > 0.0) & (duty < 1.0))))
+    positive = rule("frequency > 0")(lambda frequency: bool(np.all(frequency > 0.0)))
+
+    def start(time, frequency, duty, delay, edges):
+        for q in range(edges.size):
+            cycle = math.floor((time - delay[q]) * frequency[q])
+            passed = max(0, 2 * cycle - 1)
+            while edge_time(passed, frequency[q], duty[q], delay[q]) <= time:
+                passed += 1
+            edges[q] = passed
+
+    def outputs(high, low, edges, y):
+        for q in range(y.size):
+            y[q] = high[q] if edges[q] % 2 == 1 else low[q]
+
+    def indicators(time, frequency, duty, delay, edges, due):
+        for q in range(due.size):
+            due[q] = edge_time(edges[q], frequency[q], duty[q], delay[q]) - time
+
+    def event(due, edges, next_edges):
+        for q in range(due.size):
+            if due[q] < 0:
+                next_edges[q] = edges[q] + 1
+
+
+class TableSource(Block):
+    """A signal from a table of times and values, by lines between them, or held from one to the next.
+
+    ::
+
+        y = values[k] + (values[k+1] - values[k]) (t - times[k]) / (times[k+1] - times[k])    (hold: values[k])
+
+    for times[k] <= t < times[k+1]; the first value before the table, the last one after it. With `repeat`, the table
+    begins anew where it ends. Values: one each time, or a row.
+    """
+
+    times = Parameter("rows", unit="s", description="times, ascending")
+    values = Parameter("rows", "n?", description="value, or row of values, at each time")
+    hold = Parameter(dtype=bool, unit="1", default=False, description="hold each value, instead of lines between")
+    repeat = Parameter(dtype=bool, unit="1", default=False, description="begin anew where the table ends")
+    y = Output("n?", description="the signal")
+
+    ascending = rule("times ascending")(lambda times: bool(np.all(np.diff(times) > 0.0)))
+
+    def outputs(time, times, values, hold, repeat, y):
+        length, last = times[times.size - 1] - times[0], times.size - 1
+        at = times[0] + (time - times[0]) % length if repeat and length > 0.0 else time
+        below, above = 0, last
+        while above - below > 1:
+            middle = (below + above) // 2
+            if times[middle] <= at:
+                below = middle
+            else:
+                above = middle
+        part = 0.0
+        if at >= times[last]:
+            below = last
+        elif at > times[0] and not hold:
+            part = (at - times[below]) / (times[above] - times[below])
+        for q in range(y.size):
+            y[q] = values[below, q]
+            if part > 0.0:
+                y[q] += part * (values[above, q] - values[below, q])
