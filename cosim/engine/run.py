@@ -15,6 +15,7 @@ from cosim.engine.checkpoints import MARK, Checkpoints
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes
 from cosim.engine.program import Program
+from cosim.engine.recording import Kept
 from cosim.engine.reductions import Reductions
 from cosim.engine.simulation import Simulation
 from cosim.errors import (
@@ -55,6 +56,7 @@ class Run:
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
     prepared: a program of this network with its kernels, where there is one already.
+    kept: whether recorded samples are kept in memory, as `samples`.
     attributes: what else the result's file says of itself. checkpoint: how often one is kept beside the result, as of
     `Interval`; resume: whether to go on from it.
 
@@ -71,6 +73,7 @@ class Run:
         attributes: Mapping[str, str] | None = None,
         checkpoint: str | None = None,
         resume: bool = False,
+        kept: bool = False,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         if engine not in ENGINES:
@@ -87,6 +90,7 @@ class Run:
         self._prepared = prepared is not None
         self._unstable: list[CosimError] = []  # of what is prepared, for many runs, nobody asks
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
+        self.samples = Kept(network, self._probes()[1]) if kept else None
         self._executed = False
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
@@ -104,6 +108,12 @@ class Run:
         self.seconds["compile"] = compiled - began
         self.seconds["setup"] += clock.perf_counter() - compiled
         return made
+
+    def load(self) -> None:
+        """Compile what it needs and load it into this process, which one thread does at a time. Raises: DiagramErrors."""
+        self.simulation  # noqa: B018
+        if self._kernels and self.engine == "native":
+            self._kernels.load()
 
     def _probes(self) -> list[Probes]:
         """What is reduced is seen at every step, what is recorded at the recording's period."""
@@ -182,6 +192,8 @@ class Run:
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self.reductions.update(stepwise)
+                if self.samples:
+                    self.samples.append(recorded)
                 if writer:
                     recording.append(writer, recorded)
                     if resumed - flushed > FLUSH_SECONDS:

@@ -12,6 +12,7 @@ from typing import Any
 
 from cosim.errors import CosimError, ResultError
 from cosim.study import dataset, file_names, running, study_file, text_tables
+from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
 from cosim.terminal.exits import DONE, STOPPED
@@ -52,7 +53,7 @@ def check_folders(paths: Sequence[Path]) -> None:
 def run(path: Path, options: argparse.Namespace) -> Results:
     """Run a study with a progress bar, and write its data set and tables. Raises: DiagramErrors, ResultError."""
     folder = options.results / path.stem
-    with study_display.Counter() as counter:
+    with Counter() as counter:
         settings = Options(folder, options.threads, options.dask, tuple(options.set), counter.update)
         try:
             results = running.run(study_file.load(path, options.set), settings)

@@ -9,11 +9,14 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 
 from cosim.authoring.block import Block, mistakes_wait
 from cosim.errors import (
@@ -21,6 +24,7 @@ from cosim.errors import (
     CosimError,
     DiagramErrors,
     UnknownBlock,
+    WrongType,
     WrongValue,
     nearest,
 )
@@ -31,6 +35,17 @@ from cosim.wiring.block_files import import_file
 from cosim.wiring.block_modules import block_classes, find_spec, import_error
 
 GROUP = "cosim.blocks"
+_given: ContextVar[Mapping[str, type[Block]]] = ContextVar("given", default=MappingProxyType({}))
+
+
+@contextmanager
+def offering(classes: Mapping[str, type[Block]]) -> Iterator[None]:
+    """Inside, these classes of a program's are found by their names, before those of the libraries."""
+    token = _given.set(classes)
+    try:
+        yield
+    finally:
+        _given.reset(token)
 
 
 def find(entry: BlockEntry) -> type[Block]:
@@ -39,6 +54,8 @@ def find(entry: BlockEntry) -> type[Block]:
     Raises: UnknownBlock, AmbiguousBlock, BlockImportError, DeclarationError, MissingFile, WrongValue,
     and for an FMU ArchiveError, FmuError, UnknownPort.
     """
+    if entry.type.made or (entry.kind == "block" and entry.type.value in _given.get()):
+        return _from_program(entry, entry.type.made or _given.get()[entry.type.value])
     if entry.kind == "fmu":
         from cosim.fmu import importer
 
@@ -56,6 +73,17 @@ def broken() -> list[CosimError]:
     return list(_libraries()[1])
 
 
+def _from_program(entry: BlockEntry, made: type) -> type[Block]:
+    """A class that a program gives, such as one of a notebook's cell. Raises: WrongType, DeclarationError."""
+    from cosim.authoring import authors
+
+    if not issubclass(made, Block) or entry.kind != "block":
+        message = f"block `{entry.name}`: the class {made.__qualname__} is no type of block behind `{entry.kind}:`"
+        raise WrongType(message, entry.type.position, "give a class that is derived from cosim.Block, as `block:`")
+    authors.check([made.declaration])
+    return made
+
+
 def _from_libraries(entry: BlockEntry) -> type[Block]:
     name, place = entry.type.value, entry.type.position
     known, errors = _libraries()
@@ -70,10 +98,18 @@ def _from_libraries(entry: BlockEntry) -> type[Block]:
 
             authors.check([classes[0].declaration])
         return classes[0]
-    unknown = UnknownBlock(f"block `{entry.name}`: there is no block type `{name}`", place, nearest(name, known))
+    unknown = UnknownBlock(f"block `{entry.name}`: there is no block type `{name}`", place, _usual_fix(name, known))
     if errors:
         raise DiagramErrors([unknown, *errors])
     raise unknown
+
+
+def _usual_fix(name: str, known: Iterable[str]) -> str:
+    """The usual fix for an unknown name: the nearest one, or to hand over the class of a notebook or script."""
+    found = vars(sys.modules["__main__"]).get(name)
+    if isinstance(found, type) and issubclass(found, Block):
+        return f"hand the class over: cosim.load(…, blocks=[{name}])"
+    return nearest(name, known)
 
 
 def _from_file(entry: BlockEntry) -> type[Block]:
