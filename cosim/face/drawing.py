@@ -62,7 +62,9 @@ def _wires(network: Network) -> dict[tuple[str, str], list[str]]:
     return found
 
 
-def _columns(names: Sequence[str], wires: Mapping[tuple[str, str], object]) -> tuple[list[list[Slot]], list[tuple[str, str]]]:
+def _columns(
+    names: Sequence[str], wires: Mapping[tuple[str, str], object]
+) -> tuple[list[list[Slot]], list[tuple[str, str]]]:
     """The columns with the slots of all forward wires, and the wires that lead back."""
     graph = networkx.DiGraph()
     graph.add_nodes_from(names)
@@ -86,7 +88,9 @@ def _columns(names: Sequence[str], wires: Mapping[tuple[str, str], object]) -> t
     return columns, back
 
 
-def _neighbours(columns: Sequence[Sequence[Slot]], wires: Mapping[tuple[str, str], object], back: Sequence[tuple[str, str]]) -> dict[Slot, list[Slot]]:
+def _neighbours(
+    columns: Sequence[Sequence[Slot]], wires: Mapping[tuple[str, str], object], back: Sequence[tuple[str, str]]
+) -> dict[Slot, list[Slot]]:
     """What each slot is joined to in the columns beside its own."""
     column = {slot: k for k, slots in enumerate(columns) for slot in slots}
     found: dict[Slot, list[Slot]] = {slot: [] for slot in column}
@@ -122,7 +126,9 @@ def _mean(values: Sequence[float], otherwise: float) -> float:
     return sum(values) / len(values) if values else otherwise
 
 
-def _stack(column: Sequence[Slot], wanted: Mapping[Slot, float], height: Mapping[Slot, float], y: dict[Slot, float]) -> None:
+def _stack(
+    column: Sequence[Slot], wanted: Mapping[Slot, float], height: Mapping[Slot, float], y: dict[Slot, float]
+) -> None:
     """Place a column's slots where they are wanted, in their order and none over another; their mean stays."""
     below = -1e9
     for slot in column:

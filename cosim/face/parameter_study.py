@@ -57,7 +57,9 @@ def _of(recipe: Recipe, tree: Node) -> Study:
     made = study_file.build(lambda problems: whole, recipe.path.with_name("study"))
     own = Path(recipe.path)
     variants = {
-        name: replace(variant, layers=recipe.read) if variant.diagram_position == place or variant.diagram == own else variant
+        name: replace(variant, layers=recipe.read)
+        if variant.diagram_position == place or variant.diagram == own
+        else variant
         for name, variant in made.variants.items()
     }
     made.variants, made.classes = variants, recipe.classes
@@ -76,7 +78,9 @@ def listed(recipe: Recipe, runs: Iterable[Mapping[str, Any]]) -> ParameterStudy:
             first.setdefault(path, node)
         given.append(tuple((path, node.plain()) for path, node in nodes.items()))
     if not given:
-        raise UsageError("a sweep of no runs", fix='give mappings: [{"blocks.plant.mass": 4}, {"blocks.plant.mass": 5}]')
+        raise UsageError(
+            "a sweep of no runs", fix='give mappings: [{"blocks.plant.mass": 4}, {"blocks.plant.mass": 5}]'
+        )
     _refuse_unknown(recipe, first)
     made = _of(recipe, Node({}, KeyPath(GIVEN, keys=GIVEN)))
     numbers = Node(list(range(len(given))), KeyPath("sweep", keys=".sweep()"))

@@ -19,7 +19,8 @@ from cosim.study.running import Results
 if TYPE_CHECKING:
     import xarray
 
-SHOWN = 20
+SHOWN, WIDEST = 20, 32
+"""Rows of a table that shows itself, and characters of a value in it."""
 _ALONE = ("variant",)
 
 
@@ -115,7 +116,7 @@ class StudyTable:
     def _table(self) -> tuple[list[str], list[list[str]], str]:
         rows = self.rows[:SHOWN]
         names = dict.fromkeys(name for row in rows for name in row if name != "reason" or self.failed)
-        cells = [[format_value(row[name]) if name in row else "" for name in names] for row in rows]
+        cells = [[_cell(row[name]) if name in row else "" for name in names] for row in rows]
         more = f"and {len(self) - SHOWN} more; " if len(self) > SHOWN else ""
         return list(names), cells, f"{more}{len(self)} runs, {self.failed or 'none'} failed, {self.seconds:.3g} s"
 
@@ -126,3 +127,11 @@ class StudyTable:
     def _repr_html_(self) -> str:
         head, cells, words = self._table()
         return f"{html_table(head, cells, range(len(head)))}<p>{words}</p>"
+
+
+def _cell(value: Any) -> str:
+    """A value in a table; of a long list its shape."""
+    text = format_value(value)
+    if len(text) <= WIDEST or "\n" in text:
+        return text
+    return f"{' × '.join(map(str, np.shape(value)))} values" if isinstance(value, list) else f"{text[: WIDEST - 1]}…"

@@ -34,7 +34,10 @@ def aligned(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[
     widths = [max(len(str(line[k])) for line in flat) for k in range(len(head))]
     at = set(right)
     made = [
-        "  ".join(str(cell).rjust(w) if k in at else str(cell).ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True)))
+        "  ".join(
+            str(cell).rjust(w) if k in at else str(cell).ljust(w)
+            for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+        )
         for line in flat
     ]
     return [line.rstrip() for line in made]
@@ -62,7 +65,12 @@ def html_table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterab
 
 def _rows(outcome: Outcome) -> list[list[str]]:
     return [
-        [name, format_value(value), "" if isinstance(value, list) else outcome.units.get(name, ""), outcome.windows.get(name, "")]
+        [
+            name,
+            format_value(value),
+            "" if isinstance(value, list) else outcome.units.get(name, ""),
+            outcome.windows.get(name, ""),
+        ]
         for name, value in outcome.metrics.items()
     ]
 

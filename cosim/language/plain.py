@@ -44,7 +44,9 @@ def _node(value: Any, path: str | None, place: KeyPath, depth: int) -> Node:
     if isinstance(value, Mapping):
         return _mapping(value, path, place, depth)
     if isinstance(value, list | tuple):
-        items = [_node(item, None if path is None else f"{path}[{k}]", place, depth + 1) for k, item in enumerate(value)]
+        items = [
+            _node(item, None if path is None else f"{path}[{k}]", place, depth + 1) for k, item in enumerate(value)
+        ]
         return Node(items, place)
     if isinstance(value, type):
         return Node(value.__name__, place, made=value)

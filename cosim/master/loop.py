@@ -52,6 +52,7 @@ from cosim.master.tables import (
     PUBLISH,
     PUBLISHED,
     PUBLISHED32,
+    REACHED,
     SAMPLE_WORDS,
     SETTLE,
     STATES,
@@ -76,7 +77,7 @@ _EXPONENT32 = 0x7F800000
 def run(_: float, base: int, control: int) -> int:
     """Go from the communication point TICK to the last one before LAST, in ticks. Returns the status.
 
-    It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
+    With FINAL, LAST is evaluated and probed too; who goes on from there does not do so again. It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
     c, numbers = words_at(control, CONTROL_WORDS), reals_at(control, CONTROL_WORDS)
     last = min(c[LAST], full_at(c))
@@ -85,7 +86,8 @@ def run(_: float, base: int, control: int) -> int:
         if load(control + STOP * 8) != 0:
             return OK
         time = time_at(c, control, k)
-        status = reach(c, base, k, time)
+        status = reach(c, base, k, time) if c[REACHED] == 0 else OK
+        c[REACHED] = 0
         if status > WARNING:
             return status
         if c[ENDING] != 0:
@@ -107,10 +109,10 @@ def run(_: float, base: int, control: int) -> int:
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
     if c[FINAL] != 0 and c[TICK] == c[LAST] < full_at(c):
-        status = reach(c, base, c[TICK], time_at(c, control, c[TICK]))
+        status = reach(c, base, c[TICK], time_at(c, control, c[TICK])) if c[REACHED] == 0 else OK
         if status > WARNING:
             return status
-        c[FINAL] = 0
+        c[FINAL], c[REACHED] = 0, 1
     return OK
 
 

@@ -71,7 +71,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 70
+CONTROL_WORDS = 71
 (
     ROWS,
     BANKS,
@@ -143,6 +143,7 @@ CONTROL_WORDS = 70
     ENDED_AT,  # the time of the event that did, a float64 (s), between two communication points
     KEPT_ENDING,  # ENDING as it was when all was saved
     SOLVER,  # the address of what integrates all states in place of an integrator of ours; 0: nothing does
+    REACHED,  # whether TICK has been evaluated and probed already, as FINAL
 ) = range(CONTROL_WORDS)
 
 ENDED, BETWEEN = 2, 3  # what ENDING becomes: at a communication point, or at an event that lies between two

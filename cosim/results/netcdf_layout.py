@@ -104,7 +104,10 @@ def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> None
     variable = file.create_dataset(netcdf_name(signal.name), (0, *shape), dtype, **layout)
     for axis, scale in enumerate(scales):
         variable.dims[axis].attach_scale(scale)
-    about = {**attributes_of(signal), "dtype": "bool" if np.dtype(signal.dtype).kind == "b" else ""}  # as xarray notes it
+    about = {
+        **attributes_of(signal),
+        "dtype": "bool" if np.dtype(signal.dtype).kind == "b" else "",
+    }  # as xarray notes it
     variable.attrs.update({key: text for key, text in about.items() if text})
 
 

@@ -49,6 +49,8 @@ class Counter:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
         columns = (BarColumn(bar_width=None), MofNCompleteColumn(), TextColumn("{task.fields[left]}"))
-        self._bar = Progress(*columns, console=Console() if self._notebook else Console(file=self._file), transient=True, expand=True)
+        self._bar = Progress(
+            *columns, console=Console() if self._notebook else Console(file=self._file), transient=True, expand=True
+        )
         self._task = self._bar.add_task("", total=total, left="")
         self._bar.start()
