@@ -1,7 +1,7 @@
 """Co-simulation of block diagrams: independent signal blocks, YAML wiring, one native master, FMUs in and out.
 
-What a program needs (`load`, `diagram`, `study`, `load_study`, `open_result`, …) and what blocks are written with stands
-here; all else is private by convention, and may change.
+What a program needs (`load`, `diagram`, `study`, `load_study`, `open_result`, …) and what blocks are written with
+stands here; all else is private by convention, and may change.
 """
 
 import os
@@ -83,7 +83,7 @@ if not os.path.isdir(os.path.join(_folder, "blocks")):
 
 
 class _Package(type(sys)):  # type: ignore[misc]  # the type of modules, without the time to import it by its name
-    """This module, in which `study` is the function, though a folder of files has that name too."""
+    """The type of this module, in which `study` is the function, though a folder of files has that name too."""
 
     @property
     def study(self) -> object:

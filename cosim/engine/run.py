@@ -110,7 +110,7 @@ class Run:
         return made
 
     def load(self) -> None:
-        """Compile what it needs and load it into this process, which one thread does at a time. Raises: DiagramErrors."""
+        """Compile what it needs and load it, which one thread of a process does at a time. Raises: DiagramErrors."""
         self.simulation  # noqa: B018
         if self._kernels and self.engine == "native":
             self._kernels.load()

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.authoring.block import Block
 from cosim.engine import compilation, program
 from cosim.engine.run import Run
-from cosim.errors import CosimError, KeyPath, Problems, WrongType
-from cosim.face import drawing, tables
+from cosim.errors import CosimError, KeyPath, WrongType
+from cosim.face import drawing
 from cosim.face.finished_run import FinishedRun
 from cosim.face.pictures import Picture
 from cosim.face.recipe import MAKING, Recipe
@@ -25,6 +24,10 @@ from cosim.wiring.overview import Overview, describe
 if TYPE_CHECKING:
     from cosim.face.stepped_run import SteppedRun
     from cosim.face.study_table import StudyTable
+
+
+MOST_SHOWN = 200
+"""Blocks of a diagram that shows itself as its drawing."""
 
 
 def load(path: str | Path, blocks: Iterable[type[Block]] = ()) -> BlockDiagram:
@@ -176,7 +179,7 @@ class BlockDiagram:
         return listed(self._recipe, runs).run(threads=threads, progress=progress)
 
     def start(self, engine: str = "native") -> SteppedRun:
-        """A run by hand, step by step: `with diagram.start() as sim: sim.step()`. Raises: DiagramErrors, BlockFailed."""
+        """A run by hand: `with diagram.start() as sim: sim.step()`. Raises: DiagramErrors."""
         from cosim.face.stepped_run import SteppedRun
 
         return SteppedRun(self.network, engine)
@@ -193,8 +196,10 @@ class BlockDiagram:
         return f"{title}: {run.stop:g} s in steps of {run.step:g} s ({run.method})\n{parts}"
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
-        """Its drawing for a notebook; where it has mistakes, those."""
+        """Its drawing for a notebook; where it has mistakes, those. Too many blocks for a screen are not drawn."""
         try:
+            if len(self.network.components) > MOST_SHOWN:
+                return {"text/plain": repr(self)}
             return {"image/svg+xml": self.draw().svg, "text/plain": repr(self)}
         except CosimError:
             return {"text/plain": repr(self)}

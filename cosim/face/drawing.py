@@ -1,14 +1,15 @@
 """A network as a drawing: a box for each block, in columns from left to right as signals go, a curve for each wire.
 
-Columns are by longest path (Sugiyama, Tagawa, Toda 1981): wires that close a ring are set apart first and led back below
-the boxes, long ones go through a free place in every column between, and the order in a column is that of the mean place
-of what its boxes are wired to.
+Columns are by longest path (Sugiyama, Tagawa, Toda 1981): wires that close a ring are set apart first and led back
+below the boxes, long ones go through a free place in every column between, and the order in a column is that of the
+mean place of what its boxes are wired to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import pairwise
 
 import networkx
 
@@ -26,6 +27,14 @@ _STYLE = (
     "rect{stroke:#44546a;rx:4}path{fill:none;stroke:#5b6b82;stroke-width:1.2}.b{stroke:#b0632f;stroke-dasharray:5 3}"
 )
 
+_HEAD = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {0:.0f} {1:.0f}" width="{0:.0f}" height="{1:.0f}">
+<style>{style}</style>
+<defs><marker id="a" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">
+<path d="M0,0L8,4L0,8z" style="fill:#5b6b82;stroke:none"/></marker></defs>
+<rect width="100%" height="100%" style="fill:white;stroke:none"/>
+<g transform="translate({margin},{margin})">
+"""
+
 Point = tuple[float, float]
 Slot = str | tuple[str, str, int]
 """A box by its block's name, or the place in a column through which a wire goes that passes it."""
@@ -39,14 +48,9 @@ def svg_of(network: Network) -> str:
     right = max(x for x, _ in places.values()) + BOX
     bottom = max(y for _, y in places.values()) + HEIGHT
     height = bottom + (LANE * (len(back) + 1) if back else 0.0) + MARGIN
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right + 2 * MARGIN:.0f} {height + MARGIN:.0f}" '
-        f'width="{right + 2 * MARGIN:.0f}" height="{height + MARGIN:.0f}"><style>{_STYLE}</style>',
-        '<defs><marker id="a" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
-        '<path d="M0,0L8,4L0,8z" style="fill:#5b6b82;stroke:none"/></marker></defs>',
-        f'<rect width="100%" height="100%" style="fill:white;stroke:none"/><g transform="translate({MARGIN},{MARGIN})">',
-    ]
+    size = right + 2 * MARGIN, height + MARGIN
     lanes = {pair: bottom + LANE * (k + 1) for k, pair in enumerate(back)}
+    parts = [_HEAD.format(*size, style=_STYLE, margin=MARGIN)]
     parts += [_curve(pair, places, lanes.get(pair), told) for pair, told in wires.items()]
     parts += [_box(network, name, *places[name]) for name in network.components]
     return "".join([*parts, "</g></svg>"])
@@ -98,7 +102,7 @@ def _neighbours(
         if (source, target) in back:
             continue
         chain: list[Slot] = [source, *((source, target, k) for k in range(column[source] + 1, column[target])), target]
-        for one, other in zip(chain, chain[1:], strict=False):
+        for one, other in pairwise(chain):
             found[one].append(other)
             found[other].append(one)
     return found
@@ -150,10 +154,12 @@ def _curve(pair: tuple[str, str], places: Mapping[Slot, Point], lane: float | No
         return f'<path class="b" d="{path}" marker-end="url(#a)">{tip}</path>'
     path = f"M{x:.0f},{y:.0f}"
     between = sorted(p for slot, p in places.items() if not isinstance(slot, str) and slot[:2] == pair)
-    for left, top in between:
-        path += f"C{x + GAP / 2:.0f},{y:.0f} {left - GAP / 2:.0f},{top + ROW / 6:.0f} {left:.0f},{top + ROW / 6:.0f}H{left + BOX:.0f}"
-        x, y = left + BOX, top + ROW / 6
-    path += f"C{x + GAP / 2:.0f},{y:.0f} {u - GAP / 2:.0f},{v:.0f} {u:.0f},{v:.0f}"
+    for left, top in [*between, (u, v - ROW / 6)]:
+        level = top + ROW / 6
+        path += f"C{x + GAP / 2:.0f},{y:.0f} {left - GAP / 2:.0f},{level:.0f} {left:.0f},{level:.0f}"
+        if left < u:
+            path += f"H{left + BOX:.0f}"
+        x, y = left + BOX, level
     return f'<path d="{path}" marker-end="url(#a)">{tip}</path>'
 
 

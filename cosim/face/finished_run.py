@@ -13,7 +13,7 @@ import numpy as np
 from cosim.engine import recording
 from cosim.engine.outcome import Event, Outcome
 from cosim.engine.run import Run
-from cosim.errors import CosimError, UnknownPort, nearest
+from cosim.errors import CosimError, UnknownPort
 from cosim.face import tables
 from cosim.face.datasets import dataset_of_signals
 from cosim.face.pictures import Picture
@@ -100,11 +100,11 @@ class FinishedRun:
     # ---- signals ----
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """The samples (k, *shape) of a recorded signal, `block.port`. Raises: UnknownPort."""
+        """The samples (k, *shape) of a recorded signal, `block.port`. Raises: UnknownBlock, UnknownPort."""
         if name not in self._values:
-            fix = nearest(name, self._values) if name.partition(".")[0] in {n.partition(".")[0] for n in self} else ""
-            record = f'record it: .set({{"record.signals": [{", ".join(map(repr, [*self._values, name]))}]}})'
-            raise UnknownPort(f"`{name}` is not recorded", fix=fix if fix.startswith("did you mean") else record)
+            self._network.find(name, None)
+            fix = f'.set({{"record.signals": [{", ".join(map(repr, [*self._values, name]))}]}})'
+            raise UnknownPort(f"`{name}` is not recorded", fix=fix)
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:

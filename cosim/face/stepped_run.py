@@ -194,7 +194,7 @@ class SteppedRun:
             return SavedState(self.time, run_state.state_of(self._simulation))
 
     def restore(self, saved: SavedState) -> None:
-        """Go on from a state of a run of the same diagram. Raises: CosimError for FMUs, WrongValue for a foreign state."""
+        """Go on from a state of a run of the same diagram. Raises: CosimError of FMUs, WrongValue for another's."""
         self._open()
         self._simulation.resting = True
         try:

@@ -12,8 +12,8 @@ from cosim.errors import BlockFailed, UnknownPort, nearest
 from cosim.face.datasets import dataset
 from cosim.face.tables import aligned, html_table
 from cosim.results.formatting import format_value
-from cosim.study import plan, running
 from cosim.study import dataset as datasets
+from cosim.study import plan, running
 from cosim.study.running import Results
 
 if TYPE_CHECKING:

@@ -44,10 +44,10 @@ def _node(value: Any, path: str | None, place: KeyPath, depth: int) -> Node:
     if isinstance(value, Mapping):
         return _mapping(value, path, place, depth)
     if isinstance(value, list | tuple):
-        items = [
-            _node(item, None if path is None else f"{path}[{k}]", place, depth + 1) for k, item in enumerate(value)
-        ]
-        return Node(items, place)
+        below = [None if path is None else f"{path}[{k}]" for k in range(len(value))]
+        places = [place if keys is None else replace(place, keys=keys) for keys in below]
+        parts = zip(value, below, places, strict=True)
+        return Node([_node(item, keys, at, depth + 1) for item, keys, at in parts], place)
     if isinstance(value, type):
         return Node(value.__name__, place, made=value)
     if isinstance(value, os.PathLike):

@@ -77,7 +77,8 @@ _EXPONENT32 = 0x7F800000
 def run(_: float, base: int, control: int) -> int:
     """Go from the communication point TICK to the last one before LAST, in ticks. Returns the status.
 
-    With FINAL, LAST is evaluated and probed too; who goes on from there does not do so again. It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
+    With FINAL, LAST is evaluated and probed too; who goes on from there does not do so again.
+    It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
     c, numbers = words_at(control, CONTROL_WORDS), reals_at(control, CONTROL_WORDS)
     last = min(c[LAST], full_at(c))

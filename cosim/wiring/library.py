@@ -18,10 +18,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
+from cosim.authoring.author_source import function_text
 from cosim.authoring.block import Block, mistakes_wait
 from cosim.errors import (
     AmbiguousBlock,
     CosimError,
+    DeclarationError,
     DiagramErrors,
     UnknownBlock,
     WrongType,
@@ -80,6 +82,11 @@ def _from_program(entry: BlockEntry, made: type) -> type[Block]:
     if not issubclass(made, Block) or entry.kind != "block":
         message = f"block `{entry.name}`: the class {made.__qualname__} is no type of block behind `{entry.kind}:`"
         raise WrongType(message, entry.type.position, "give a class that is derived from cosim.Block, as `block:`")
+    for function in made.declaration.functions:
+        if function_text(function.python) is None:
+            message = f"block `{entry.name}`: the source of {made.__qualname__}.{function.name}() cannot be found"
+            fix = "write the class in a file or a notebook's cell; where its file has changed, import it again"
+            raise DeclarationError(message, entry.type.position, fix)
     authors.check([made.declaration])
     return made
 
