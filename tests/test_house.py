@@ -27,6 +27,7 @@ FLOORS = (
     "accuracy",
     "export",
     "report",
+    "face",
     "terminal",
 )
 DOORSTEP = ("cosim", "cosim.__main__")

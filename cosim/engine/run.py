@@ -55,8 +55,7 @@ class Run:
     """One run of a wired diagram; it starts, and compiles what it needs, when it is executed.
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
-    prepared: a program of this network with its kernels, where there is one already.
-    kept: whether recorded samples are kept in memory, as `samples`.
+    prepared: a program of this network with its kernels, if there is one. kept: whether `samples` has what is recorded.
     attributes: what else the result's file says of itself. checkpoint: how often one is kept beside the result, as of
     `Interval`; resume: whether to go on from it.
 
@@ -96,24 +95,20 @@ class Run:
 
     @cached_property
     def simulation(self) -> Simulation:
-        """The run's simulation, compiled when it is first asked for. Raises: DiagramErrors."""
+        """The run's simulation, compiled and loaded when it is first asked for. Raises: DiagramErrors."""
         began = clock.perf_counter()
         kernels = self._kernels
         if kernels is None:
             kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
             self._kernels = kernels
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
+        if self.engine == "native":
+            kernels.load()
         compiled = clock.perf_counter()
         made = Simulation(self._program, kernels if self.engine == "native" else None, self._probes())
         self.seconds["compile"] = compiled - began
         self.seconds["setup"] += clock.perf_counter() - compiled
         return made
-
-    def load(self) -> None:
-        """Compile what it needs and load it, which one thread of a process does at a time. Raises: DiagramErrors."""
-        self.simulation  # noqa: B018
-        if self._kernels and self.engine == "native":
-            self._kernels.load()
 
     def _probes(self) -> list[Probes]:
         """What is reduced is seen at every step, what is recorded at the recording's period."""

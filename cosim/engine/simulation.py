@@ -181,31 +181,12 @@ class Simulation:
                 raise error
             self._raise(status)
             if self.control[tables.ENDING] == tables.ENDED and self.time < self.program.time(self.ticks):
-                self.termination = self._termination()
+                self.termination = self.ended_by()
                 return
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
-    def go_to(self, tick: int) -> None:
-        """Go on to a communication point, where all that is published is known; what the probes saw is lost.
-
-        Raises: as `batches`. Where a block ends the run before, `termination` says so.
-        """
-        self.control[tables.LAST], self.control[tables.FINAL], self.control[tables.STOP] = tick, 1, 0
-        while self.control[tables.FINAL] and self.control[tables.ENDING] != tables.ENDED:
-            status, error = self._do_batch(supervision.never)
-            self.buffers.take()
-            if error:
-                raise error
-            self._raise(status)
-        if self.control[tables.ENDING] == tables.ENDED:
-            self.termination = self._termination()
-
-    def forget_point(self) -> None:
-        """Have what is published at this communication point be evaluated anew, with other inputs."""
-        self.control[tables.REACHED] = 0
-
-    def _termination(self) -> Terminated:
+    def ended_by(self) -> Terminated:
         """Who ended the run."""
         ended_by = int(self.control[tables.ENDED_BY])
         if ended_by:

@@ -71,6 +71,11 @@ class BlockDiagram:
         self._recipe = recipe
         self._wired: dict[Path, Network] = {}  # by the working folder, of which the paths in it are
 
+    @property
+    def recipe(self) -> Recipe:
+        """What it is made from."""
+        return self._recipe
+
     def __reduce__(self) -> tuple[Any, ...]:
         return BlockDiagram, (self._recipe,)
 
@@ -151,7 +156,7 @@ class BlockDiagram:
         network = self.network
         with MAKING:
             run = Run(network, engine, Path(output) if output is not None else None, kept=True)
-            run.load()
+            run.simulation  # noqa: B018  compiled and loaded, which one thread does at a time
         outcome = run.execute(watch)
         finished = FinishedRun(run, outcome)
         if outcome.status == "interrupted":

@@ -14,7 +14,7 @@ from cosim.engine import recording
 from cosim.engine.outcome import Event, Outcome
 from cosim.engine.run import Run
 from cosim.errors import CosimError, UnknownPort
-from cosim.face import tables
+from cosim.face import run_tables
 from cosim.face.datasets import dataset_of_signals
 from cosim.face.pictures import Picture
 from cosim.wiring.network import Finding
@@ -141,7 +141,7 @@ class FinishedRun:
         from cosim.plot import figures
 
         with tempfile.TemporaryDirectory() as folder:
-            result = Path(folder) / f"{tables.file_name(self._network.diagram)}.nc"
+            result = Path(folder) / f"{run_tables.file_name(self._network.diagram)}.nc"
             self.save(result)
             drawn = result.with_suffix(".svg")
             figures.plot([result], list(signals), drawn)
@@ -152,7 +152,7 @@ class FinishedRun:
     # ---- words ----
 
     def __repr__(self) -> str:
-        return tables.text_of(self.outcome)
+        return run_tables.text_of(self.outcome)
 
     def _repr_html_(self) -> str:
-        return tables.html_of(self.outcome)
+        return run_tables.html_of(self.outcome)

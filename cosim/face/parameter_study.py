@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from cosim.errors import DiagramErrors, KeyPath, Problems, RuleViolation, UsageError, WrongType
-from cosim.face.block_diagram import BlockDiagram
 from cosim.face.recipe import MAKING, Recipe
 from cosim.face.study_table import StudyTable
 from cosim.language.overlay import set_value
@@ -26,6 +25,14 @@ NUMBER = "run"
 """What the axis of runs is called that are listed one by one."""
 
 
+class Cooked(Protocol):
+    """What a recipe has been followed for: a `BlockDiagram`."""
+
+    @property
+    def recipe(self) -> Recipe:
+        """What it is made from."""
+
+
 def load_study(path: str | Path, settings: Mapping[str, Any] | None = None) -> ParameterStudy:
     """A study of a YAML file; settings replace values in it: `{"random.count": 20}`. Raises: DiagramErrors."""
     given = {path: node_of(value, KeyPath("settings", keys=path)) for path, value in (settings or {}).items()}
@@ -34,7 +41,7 @@ def load_study(path: str | Path, settings: Mapping[str, Any] | None = None) -> P
 
 
 def study(
-    diagram: BlockDiagram,
+    diagram: Cooked,
     grid: Mapping[str, Any] | None = None,
     random: Mapping[str, Any] | None = None,
     **sections: Any,
@@ -44,7 +51,7 @@ def study(
     grid: values by path, `{"blocks.plant.mass": [4, 5, 6]}`; random: `{"count": 100, "draws": {…}}`; sections:
     variants, metrics and the like. Raises: DiagramErrors, WrongType.
     """
-    recipe: Recipe = diagram._recipe  # noqa: SLF001  # of the same face
+    recipe = diagram.recipe
     given = {**sections, **({"grid": grid} if grid else {}), **({"random": random} if random else {})}
     tree = tree_of(given, str(recipe.folder))
     return ParameterStudy(_of(recipe, tree), recipe)

@@ -11,9 +11,9 @@ import numpy as np
 
 from cosim.authoring.variables import Input
 from cosim.engine import compilation, program, run_state
+from cosim.engine.hand_run import HandRun
 from cosim.engine.probes import Probes
 from cosim.engine.run import ENGINES
-from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, NotWirable, UsageError, WrongShape, WrongValue, nearest
 from cosim.face.recipe import MAKING
 from cosim.language.reader import endpoint
@@ -27,6 +27,7 @@ class SavedState:
 
     time: float
     state: Mapping[str, Any]
+    inputs: Mapping[Signal, np.ndarray]
 
 
 class SteppedRun:
@@ -50,7 +51,8 @@ class SteppedRun:
             kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
             if engine == "native":
                 kernels.load()
-        self._simulation = Simulation(self._program, kernels if engine == "native" else None, [seen])
+        self._simulation = HandRun(self._program, kernels if engine == "native" else None, [seen])
+        self._first: dict[Signal, np.ndarray] = {}  # what inputs were before they were given another value
         self._stale = False
         self._closed = True
 
@@ -137,7 +139,7 @@ class SteppedRun:
             self._network.find(name, None)
             raise NotWirable(f"`{name}` is computed: only inputs that nothing is wired to can be given", fix="")
         self._refuse_held(name, signal)
-        stored = self._program.stored(signal, self._simulation.arena)
+        stored = self._stored(signal)
         given = np.asarray(value)
         if given.dtype.kind not in "fiub" or not np.can_cast(given.dtype, stored.dtype, "same_kind"):
             raise WrongValue(
@@ -152,9 +154,14 @@ class SteppedRun:
             message = f"`{name}` has the shape {stored.shape}{said}, and the value {given.shape}"
             fix = "give `start` a list with one value for each member, and each can be given its own" if said else ""
             raise WrongShape(message, fix=fix) from None
+        self._first.setdefault(signal, stored.copy())
         stored[...] = whole
         self._simulation.forget_point()
         self._stale = True
+
+    def _stored(self, signal: Signal) -> np.ndarray:
+        """Where an input's value lies: one for each member, or one for all."""
+        return self._program.stored(signal, self._simulation.arena)
 
     def _input(self, name: str) -> Signal | None:
         """The input of that name that nothing is wired to. Raises: NotWirable for one that is wired."""
@@ -191,7 +198,8 @@ class SteppedRun:
         if self._stale:
             self._go_to(self._simulation.done)
         with self._closing():
-            return SavedState(self.time, run_state.state_of(self._simulation))
+            inputs = {signal: self._stored(signal).copy() for signal in self._first}
+            return SavedState(self.time, run_state.state_of(self._simulation), inputs)
 
     def restore(self, saved: SavedState) -> None:
         """Go on from a state of a run of the same diagram. Raises: CosimError of FMUs, WrongValue for another's."""
@@ -204,6 +212,8 @@ class SteppedRun:
             raise WrongValue(
                 "this state is of another diagram", fix="restore what .save() of the same one gave"
             ) from None
+        for signal, first in self._first.items():
+            self._stored(signal)[...] = saved.inputs.get(signal, first)
         self._simulation.termination = None
         self._stale = False
 

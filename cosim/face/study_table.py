@@ -10,7 +10,7 @@ import numpy as np
 
 from cosim.errors import BlockFailed, UnknownPort, nearest
 from cosim.face.datasets import dataset
-from cosim.face.tables import aligned, html_table
+from cosim.face.run_tables import aligned, html_table
 from cosim.results.formatting import format_value
 from cosim.study import dataset as datasets
 from cosim.study import plan, running

@@ -21,6 +21,7 @@ from cosim.master.rows import operate
 from cosim.master.stepping import advance, next_point, perform, strike, time_at
 from cosim.master.tables import (
     AGAIN,
+    ARRIVED,
     ATTEMPTS,
     BETWEEN,
     BUFFER,
@@ -52,7 +53,6 @@ from cosim.master.tables import (
     PUBLISH,
     PUBLISHED,
     PUBLISHED32,
-    REACHED,
     SAMPLE_WORDS,
     SETTLE,
     STATES,
@@ -87,8 +87,7 @@ def run(_: float, base: int, control: int) -> int:
         if load(control + STOP * 8) != 0:
             return OK
         time = time_at(c, control, k)
-        status = reach(c, base, k, time) if c[REACHED] == 0 else OK
-        c[REACHED] = 0
+        status, c[ARRIVED] = reach(c, base, k, time) if c[ARRIVED] == 0 else OK, 0
         if status > WARNING:
             return status
         if c[ENDING] != 0:
@@ -110,10 +109,10 @@ def run(_: float, base: int, control: int) -> int:
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
     if c[FINAL] != 0 and c[TICK] == c[LAST] < full_at(c):
-        status = reach(c, base, c[TICK], time_at(c, control, c[TICK])) if c[REACHED] == 0 else OK
+        status = reach(c, base, c[TICK], time_at(c, control, c[TICK])) if c[ARRIVED] == 0 else OK
         if status > WARNING:
             return status
-        c[FINAL], c[REACHED] = 0, 1
+        c[FINAL], c[ARRIVED] = 0, 1
     return OK
 
 
