@@ -74,6 +74,12 @@ class Results:
     store: Store | MemoryStore | None = None
 
     @property
+    def kept_in(self) -> Path:
+        """The folder where all of it is kept."""
+        assert self.folder, "it is kept in memory"
+        return self.folder
+
+    @property
     def reductions(self) -> dict[str, str]:
         """How each metric reduces a run."""
         bases = [self.variants.base(name) for name in reversed(self.study.variants)]

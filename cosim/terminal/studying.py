@@ -70,7 +70,7 @@ def run(path: Path, options: argparse.Namespace) -> Results:
 def _report(results: Results, as_json: bool) -> None:
     summary = running.summary(results)
     if as_json:
-        content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.folder / "study.nc")}
+        content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.kept_in / "study.nc")}
         content |= {"members": results.total, "ran": results.ran, "seconds": round(results.seconds, 3), **summary}
         content["tables"] = {t.title: [t.head, *t.rows] for t in text_tables.tables(results)}
         print(json.dumps(content, ensure_ascii=False))
@@ -81,7 +81,7 @@ def _report(results: Results, as_json: bool) -> None:
     counts += "" if summary["failed"] else ", none failed"
     before = f", {results.reused} needed no run" if results.reused else ""
     print(f"\n{results.total} members: {counts} (ran {results.ran} in {results.seconds:.3g} s{before})")
-    print(f"recorded in {results.folder / 'study.nc'}")
+    print(f"recorded in {results.kept_in / 'study.nc'}")
     reasons = list(summary["reasons"].items())
     warnings = [
         CosimError(f"{count} × {reason}", fix=f"replay the first: cosim study {results.study.path} --member {name}")
