@@ -57,7 +57,7 @@ def style() -> Iterator[Any]:
         import matplotlib
     except ImportError:
         raise PlotError("matplotlib is not installed", fix="pip install matplotlib pillow") from None
-    if "matplotlib.pyplot" not in sys.modules:  # else a program draws too, maybe on a screen
+    if not {"matplotlib.pyplot", "ipykernel"} & set(sys.modules):  # else a program draws too, maybe on a screen
         matplotlib.use("Agg")
     from matplotlib import pyplot
 

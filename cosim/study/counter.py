@@ -45,12 +45,34 @@ class Counter:
             self._bar.stop()
 
     def _open(self, total: int) -> None:
+        if self._notebook:
+            self._bar, self._task = _CellBar(total), 0
+            return
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
         columns = (BarColumn(bar_width=None), MofNCompleteColumn(), TextColumn("{task.fields[left]}"))
-        self._bar = Progress(
-            *columns, console=Console() if self._notebook else Console(file=self._file), transient=True, expand=True
-        )
+        self._bar = Progress(*columns, console=Console(file=self._file), transient=True, expand=True)
         self._task = self._bar.add_task("", total=total, left="")
         self._bar.start()
+
+
+class _CellBar:
+    """The same bar below a notebook's cell, with the methods of rich's that are used."""
+
+    def __init__(self, total: int) -> None:
+        from IPython.display import HTML, display
+
+        self._html, self._total, self._shown = HTML, total, 0.0
+        self._handle: Any = display(HTML(""), display_id=True)  # type: ignore[no-untyped-call]
+
+    def update(self, _task: int, completed: int, left: str) -> None:
+        """Show how many are done, a few times a second."""
+        if (now := time.perf_counter()) - self._shown > PATIENCE:
+            self._shown = now
+            bar = f'<progress value="{completed}" max="{self._total}"></progress> {completed}/{self._total}, {left}'
+            self._handle.update(self._html(bar))
+
+    def stop(self) -> None:
+        """Take it away."""
+        self._handle.update(self._html(""))
