@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 
@@ -19,9 +20,38 @@ class Position:
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
+    @property
+    def folder(self) -> Path:
+        """The folder that paths written there are relative to: of the file, or the current one."""
+        return Path(self.file).parent if self.line else Path()
+
+
+@dataclass(frozen=True)
+class KeyPath(Position):
+    """A place in what a program gives, told as the path of its keys; base: the folder that paths are relative to.
+
+    file: who gives it, in a word.
+    """
+
+    keys: str = ""
+    base: str = ""
+
+    def __str__(self) -> str:
+        return self.keys
+
+    @property
+    def folder(self) -> Path:
+        """As of `Position`."""
+        return Path(self.base)
+
 
 class CosimError(Exception):
-    """Anything that a user of the framework can put right: what is wrong, where, and the usual fix."""
+    """Anything that a user of the framework can put right: what is wrong, where, and the usual fix.
+
+    run: what there is of the run that it ended, where it is raised to a program.
+    """
+
+    run: Any = None
 
     def __init__(self, message: str, position: Position | None = None, fix: str = "") -> None:
         super().__init__(message)
@@ -233,6 +263,14 @@ class MetricError(CosimError):
 
 class NoCertificate(CosimError):
     """A diagram whose accuracy nobody can tell, as a run with another step does not come to its end."""
+
+
+class MissingPackage(CosimError):
+    """A package that a feature needs, and that is not installed."""
+
+
+class ChangedFile(CosimError):
+    """A file that is no longer what it was when a program loaded it."""
 
 
 class PlotError(CosimError):

@@ -28,6 +28,7 @@ FLOORS = (
     "export",
     "report",
     "project",
+    "face",
     "terminal",
 )
 DOORSTEP = ("cosim", "cosim.__main__")

@@ -54,7 +54,9 @@ def function_text(function: Any) -> Text | None:
 def class_text(cls: type) -> Text | None:
     """A class's text, the last of its name; None where it cannot be read."""
     module = sys.modules.get(cls.__module__)
-    file = getattr(module, "__file__", None)
+    functions = (getattr(member, "__func__", member) for member in vars(cls).values())
+    written = [member.__code__.co_filename for member in functions if isinstance(member, types.FunctionType)]
+    file = getattr(module, "__file__", None) or next(iter(written), None)  # a notebook's cells are no files
     parsed = _module(file, vars(module)) if file else None
     node = parsed.classes.get(cls.__qualname__) if parsed else None
     return Text(str(file), node) if node else None

@@ -61,6 +61,12 @@ class Kernels:
         found = {m.key: m for m in (*self.modules.values(), self.loop) if m is not None}
         return sum(m.compiled_now for m in found.values())
 
+    def load(self) -> None:
+        """Load all of it, where no other thread is loading."""
+        for module in (*self.modules.values(), self.loop):
+            if module:
+                module.load()
+
 
 def module(name: str, sources: Iterable[KernelSource]) -> Module:
     """The compiled sources, from the cache or compiled now.

@@ -15,6 +15,7 @@ from cosim.engine.checkpoints import MARK, Checkpoints
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes
 from cosim.engine.program import Program
+from cosim.engine.recording import Kept
 from cosim.engine.reductions import Reductions
 from cosim.engine.simulation import Simulation
 from cosim.errors import (
@@ -54,7 +55,7 @@ class Run:
     """One run of a wired diagram; it starts, and compiles what it needs, when it is executed.
 
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
-    prepared: a program of this network with its kernels, where there is one already.
+    prepared: a program of this network with its kernels, if there is one. kept: whether `samples` has what is recorded.
     attributes: what else the result's file says of itself. checkpoint: how often one is kept beside the result, as of
     `Interval`; resume: whether to go on from it.
 
@@ -71,6 +72,7 @@ class Run:
         attributes: Mapping[str, str] | None = None,
         checkpoint: str | None = None,
         resume: bool = False,
+        kept: bool = False,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         if engine not in ENGINES:
@@ -87,18 +89,21 @@ class Run:
         self.looks = prepared is None  # whether equal steps are stable: of many runs nobody asks
         self.unstable: list[CosimError] = []
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
+        self.samples = Kept(network, self._probes()[1]) if kept else None
         self._executed = False
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
     @cached_property
     def simulation(self) -> Simulation:
-        """The run's simulation, compiled when it is first asked for. Raises: DiagramErrors."""
+        """The run's simulation, compiled and loaded when it is first asked for. Raises: DiagramErrors."""
         began = clock.perf_counter()
         kernels = self._kernels
         if kernels is None:
             kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
             self._kernels = kernels
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
+        if self.engine == "native":
+            kernels.load()
         compiled = clock.perf_counter()
         made = Simulation(self._program, kernels if self.engine == "native" else None, self._probes())
         self.seconds["compile"] = compiled - began
@@ -182,6 +187,8 @@ class Run:
             for stepwise, recorded in self.simulation.batches(wanted):
                 resumed = clock.perf_counter()
                 self.reductions.update(stepwise)
+                if self.samples:
+                    self.samples.append(recorded)
                 if writer:
                     recording.append(writer, recorded)
                     if resumed - flushed > FLUSH_SECONDS:

@@ -181,12 +181,12 @@ class Simulation:
                 raise error
             self._raise(status)
             if self.control[tables.ENDING] == tables.ENDED and self.time < self.program.time(self.ticks):
-                self.termination = self._termination()
+                self.termination = self.ended_by()
                 return
             did = self.done - before
             size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
-    def _termination(self) -> Terminated:
+    def ended_by(self) -> Terminated:
         """Who ended the run."""
         ended_by = int(self.control[tables.ENDED_BY])
         if ended_by:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from cosim.language import grammar, source
 from cosim.language.embedding import Unfolded, unfold
 from cosim.language.entry import BlockEntry
 from cosim.language.keys import DIAGRAM, METRIC, RECORD, REDUCTIONS, RUN, read_named, read_section, read_value
-from cosim.language.overlay import apply_settings, apply_swaps, read_layers
+from cosim.language.overlay import Change, apply_settings, apply_swaps, layered, read_layers
 from cosim.language.reader import Reader, multiple
 from cosim.language.source import Node, describe
 from cosim.language.swaps import Swap
@@ -145,21 +145,34 @@ def load(
     Raises: DiagramErrors with all mistakes; with `problems`, only if the file or one that it extends cannot be read.
     """
     found = Problems() if problems is None else problems
-    try:
-        tree, files = read_layers(Path(path), found)
-    except CosimError as error:
-        found.add(error)
-        raise DiagramErrors(found.errors) from None
-    if is_study(tree):
-        message = f"`{path}` is a study, not a diagram"
-        place = tree.value["diagram"].place
-        raise DiagramErrors([WrongFile(message, place, f"cosim study {path}; its diagram is `{_named(tree, files)}`")])
-    tree = apply_settings(apply_swaps(tree, swaps, found), settings, found)
-    diagram = build(tree, files, found)
+    diagram = build(*read(Path(path), settings, swaps, found), found)
     if problems is None:
         note_inherited(diagram, found)
         found.raise_if_any()
     return diagram
+
+
+def read(
+    path: Path,
+    settings: Iterable[str | Change],
+    swaps: Iterable[str],
+    problems: Problems,
+    written: Callable[[], Node] | None = None,
+) -> tuple[Node, list[Path]]:
+    """The tree of a diagram with all its layers merged, and the files that it was read from; as of `load`.
+
+    written: gives what stands at `path`, where that is no file.
+    """
+    try:
+        tree, files = layered(written, path, problems) if written else read_layers(path, problems)
+    except CosimError as error:
+        problems.add(error)
+        raise DiagramErrors(problems.errors) from None
+    if is_study(tree):
+        message = f"`{path}` is a study, not a diagram"
+        place = tree.value["diagram"].place
+        raise DiagramErrors([WrongFile(message, place, f"cosim study {path}; its diagram is `{_named(tree, files)}`")])
+    return apply_settings(apply_swaps(tree, swaps, problems), settings, problems), files
 
 
 def is_study(tree: Node) -> bool:

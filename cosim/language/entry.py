@@ -50,8 +50,7 @@ class BlockEntry:
     @property
     def directory(self) -> Path:
         """The folder that the type's path is relative to: of the file that names it, or the current one."""
-        place = self.type.position
-        return Path(place.file).parent if place.line else Path()
+        return self.type.position.folder
 
     @property
     def path(self) -> Path:

@@ -8,8 +8,9 @@ that changes a block's type makes what the layers below say of that block's para
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from cosim.errors import (
@@ -38,6 +39,13 @@ def read_layers(path: Path, problems: Problems, named_at: Position | None = None
 
     Raises: MissingFile, TooLarge, YamlSyntaxError, WrongType, CircularExtends.
     """
+    return layered(lambda: source.read(path, problems, named_at), path, problems, named_at)
+
+
+def layered(
+    read: Callable[[], Node], path: Path, problems: Problems, named_at: Position | None = None
+) -> tuple[Node, list[Path]]:
+    """As `read_layers`; read: gives the uppermost layer, which counts as the file `path`."""
     layers: list[Node] = []
     files: list[Path] = []
     while True:
@@ -46,7 +54,7 @@ def read_layers(path: Path, problems: Problems, named_at: Position | None = None
             raise CircularExtends(f"the diagram extends itself: {chain}", named_at, "remove this `extends`")
         if len(files) >= MOST_LAYERS:
             raise TooLarge(f"more than {MOST_LAYERS} diagrams extend each other", named_at, "use fewer layers")
-        layer = source.read(path, problems, named_at)
+        layer = source.read(path, problems, named_at) if files else read()
         files.append(path)
         layers.append(layer)
         extends = layer.value.pop("extends", None)
@@ -139,6 +147,21 @@ def _marked(node: Node) -> Node:
     return replace(node, inherited=True)
 
 
+@dataclass(frozen=True)
+class Change:
+    """What one layer changes: the value at a dotted path or, as a swap, the type of a block."""
+
+    name: str
+    node: Node
+    is_swap: bool = False
+
+    def applied(self, tree: Node) -> Node:
+        """The tree with it. Raises: UnknownSetting."""
+        if self.is_swap:
+            return swap_type(tree, self.name, self.node)
+        return set_value(tree, self.name, self.node, self.node.position)
+
+
 def apply_swaps(tree: Node, swaps: Iterable[str], problems: Problems) -> Node:
     """The tree with each `block=Type` of --swap applied."""
     for swap in swaps:
@@ -172,21 +195,26 @@ def _kind(text: str) -> str:
     return {".fmu": "fmu", ".yaml": "diagram", ".yml": "diagram"}.get(Path(text).suffix.lower(), "block")
 
 
-def apply_settings(tree: Node, settings: Iterable[str], problems: Problems) -> Node:
-    """The tree with each `a.b.c=value` of --set applied."""
+def apply_settings(tree: Node, settings: Iterable[str | Change], problems: Problems) -> Node:
+    """The tree with each `a.b.c=value` of --set applied, and each change that a program makes."""
     for setting in settings:
-        position = Position(f"--set {setting}")
-        path, equals, text = setting.partition("=")
         try:
-            if not equals:
-                raise UnknownSetting(f"`{setting}` is no setting", position, "write --set run.stop=10")
-            if not text.strip():
-                message = f"`{path.strip()}` is set to nothing"
-                raise WrongValue(message, position, f"write --set {path.strip()}=VALUE, or =~ to take it away")
-            tree = set_value(tree, path.strip(), source.parse_value(text, position), position)
+            tree = (_read_setting(setting) if isinstance(setting, str) else setting).applied(tree)
         except CosimError as error:
             problems.add(error)
     return tree
+
+
+def _read_setting(text: str) -> Change:
+    """What `a.b.c=value` of --set says. Raises: UnknownSetting, WrongValue, and as `parse_value`."""
+    position = Position(f"--set {text}")
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise UnknownSetting(f"`{text}` is no setting", position, "write --set run.stop=10")
+    if not value.strip():
+        message = f"`{path.strip()}` is set to nothing"
+        raise WrongValue(message, position, f"write --set {path.strip()}=VALUE, or =~ to take it away")
+    return Change(path.strip(), source.parse_value(value, position))
 
 
 def set_value(tree: Node, path: str, value: Node, position: Position) -> Node:
@@ -262,11 +290,24 @@ def _match(
         return path[0], []
     if done == ("blocks",) and _has_block(known, path[0]):
         return path[0], path[1:]
+    if len(done) == 2 and done[0] == "blocks" and (section := _section_of(known, path[0], grammar)):
+        return section, path
     message = f"`{where}` has no `{'.'.join(path) if is_value_list else path[0]}`"
     fix = nearest(path[0], {*known, *grammar} - {ANY, "extends"})
     if not done and len(path) > 1 and "blocks" in known and path[0] in _child_mapping(known["blocks"]):
         fix = f"write blocks.{path[0]}.parameters.{'.'.join(path[1:])}, or .start. for a state"
     raise UnknownSetting(message, position, fix)
+
+
+def _section_of(block: Mapping[str, Node], name: str, grammar: Mapping[str, Key]) -> str:
+    """Of a block's value that is named alone, `blocks.plant.mass`, the section: its start values, else its parameters.
+
+    None where a key of the block's is rather meant, misspelt.
+    """
+    if name in _child(Node(dict(block), Position("")), "start"):
+        return "start"
+    given = name in _child(Node(dict(block), Position("")), "parameters")
+    return "parameters" if given or not get_close_matches(name, {*grammar} - {ANY}, n=1, cutoff=0.75) else ""
 
 
 def _element(node: Node, path: list[str], value: Node, position: Position, done: tuple[str, ...]) -> Node:

@@ -52,7 +52,8 @@ class Node:
     form too. inherited: written for a block type that a
     later layer has replaced, so that it counts only where the new type declares it. replaces: for a block's type, the
     one that it replaces, as kind and name. blank: a key without a value, where `~` would say that there is to be none.
-    beside: of a wire, what it says besides the source.
+    beside: of a wire, what it says besides the source. made: of a block's type, the class itself, where a program gives
+    it; the value is its name.
     """
 
     value: Any
@@ -62,6 +63,7 @@ class Node:
     replaces: tuple[str, Node] | None = None
     blank: bool = False
     beside: Mapping[str, Node] = field(default_factory=dict)
+    made: type | None = None
 
     @property
     def place(self) -> Position:

@@ -22,7 +22,9 @@ GRACE = 2.0
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal wants the program to end; number: which."""
+    """A signal wants the program to end; number: which. run: what there is of a run that it ended, for a program."""
+
+    run: Any = None
 
     def __init__(self, number: int = signal.SIGINT) -> None:
         super().__init__(signal.Signals(number).name)

@@ -8,6 +8,8 @@ from __future__ import annotations
 import logging
 
 LOG = "cosim"
+PATIENCE = 0.3
+"""Seconds of wall-clock time that pass before a progress bar appears: a short run is not worth one."""
 
 
 def progress(text: str) -> None:

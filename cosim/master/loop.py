@@ -21,6 +21,7 @@ from cosim.master.rows import operate
 from cosim.master.stepping import advance, next_point, perform, strike, time_at
 from cosim.master.tables import (
     AGAIN,
+    ARRIVED,
     ATTEMPTS,
     BETWEEN,
     BUFFER,
@@ -76,6 +77,7 @@ _EXPONENT32 = 0x7F800000
 def run(_: float, base: int, control: int) -> int:
     """Go from the communication point TICK to the last one before LAST, in ticks. Returns the status.
 
+    With FINAL, LAST is evaluated and probed too; who goes on from there does not do so again.
     It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
     c, numbers = words_at(control, CONTROL_WORDS), reals_at(control, CONTROL_WORDS)
@@ -85,7 +87,7 @@ def run(_: float, base: int, control: int) -> int:
         if load(control + STOP * 8) != 0:
             return OK
         time = time_at(c, control, k)
-        status = reach(c, base, k, time)
+        status, c[ARRIVED] = reach(c, base, k, time) if c[ARRIVED] == 0 else OK, 0
         if status > WARNING:
             return status
         if c[ENDING] != 0:
@@ -107,10 +109,10 @@ def run(_: float, base: int, control: int) -> int:
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
     if c[FINAL] != 0 and c[TICK] == c[LAST] < full_at(c):
-        status = reach(c, base, c[TICK], time_at(c, control, c[TICK]))
+        status = reach(c, base, c[TICK], time_at(c, control, c[TICK])) if c[ARRIVED] == 0 else OK
         if status > WARNING:
             return status
-        c[FINAL] = 0
+        c[FINAL], c[ARRIVED] = 0, 1
     return OK
 
 

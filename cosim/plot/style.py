@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,14 +57,17 @@ def style() -> Iterator[Any]:
         import matplotlib
     except ImportError:
         raise PlotError("matplotlib is not installed", fix="pip install matplotlib pillow") from None
-    matplotlib.use("Agg")
+    if not {"matplotlib.pyplot", "ipykernel"} & set(sys.modules):  # else a program draws too, maybe on a screen
+        matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    others = set(pyplot.get_fignums())
     with matplotlib.rc_context(SETTINGS):
         try:
             yield pyplot
         finally:
-            pyplot.close("all")
+            for number in set(pyplot.get_fignums()) - others:
+                pyplot.close(number)
 
 
 def save(made: Any, output: Path) -> None:

@@ -126,7 +126,7 @@ def _pictures(results: Results, rows: list[Row], pictures: str) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         for figure in results.study.figures:
             if pictures:
-                _draw(figure, results, rows, recorded, results.folder / f"{file_names.stem(figure.name)}.{pictures}")
+                _draw(figure, results, rows, recorded, results.kept_in / f"{file_names.stem(figure.name)}.{pictures}")
             file = Path(folder) / "figure.svg"
             _draw(figure, results, rows, recorded, file)
             found.append(_picture(figure, file))

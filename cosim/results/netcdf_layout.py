@@ -19,12 +19,13 @@ from cosim.results.recorded import Recorded
 NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."  # with the size, %10d: netCDF-4's own mark
 CHUNK_BYTES = 64 * 1024
 CHUNK_ROWS = 1024
+TIME = {"units": "s", "long_name": "simulated time", "axis": "T"}
 
 
 def create(file: Any, signals: Iterable[Recorded]) -> None:
     """The dimensions and the variables of a new file, without samples. Raises: ResultError for what netCDF has not."""
     scales = {"time": _create_time(file)}
-    layout = [(signal, _dimensions(signal)) for signal in signals]
+    layout = [(signal, dimensions_of(signal)) for signal in signals]
     for signal, dimensions in layout:
         for axis, (name, size) in enumerate(dimensions):
             if name not in scales:
@@ -72,7 +73,7 @@ def stored_type(signal: Recorded) -> np.dtype[Any]:
     raise ResultError(f"`{signal.name}`: netCDF has no numbers of type {dtype}", fix="leave it out of `record`")
 
 
-def _dimensions(signal: Recorded) -> list[tuple[str, int]]:
+def dimensions_of(signal: Recorded) -> list[tuple[str, int]]:
     """The names and sizes of a signal's dimensions after time.
 
     Axes of one size are one dimension (`axis3`, `axis3_2` where a signal has two of them), so that `x - x_hat` of
@@ -89,7 +90,7 @@ def _dimensions(signal: Recorded) -> list[tuple[str, int]]:
 def _create_time(file: Any) -> Any:
     """Time in s."""
     time = file.create_dataset("time", (0,), float, maxshape=(None,), chunks=(CHUNK_ROWS,), track_order=True)
-    time.attrs.update({"units": "s", "long_name": "simulated time", "axis": "T"})
+    time.attrs.update(TIME)
     time.make_scale("time")
     return time
 
@@ -111,12 +112,18 @@ def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> Any:
     variable = file.create_dataset(netcdf_name(signal.name), (0, *shape), dtype, **layout)
     for axis, scale in enumerate(scales):
         variable.dims[axis].attach_scale(scale)
+    about = attributes_of(signal)
+    about |= {"dtype": "bool"} if np.dtype(signal.dtype).kind == "b" else {}  # as xarray notes it
+    variable.attrs.update(about)
+    return variable
+
+
+def attributes_of(signal: Recorded) -> dict[str, str]:
+    """What a variable says of itself in words."""
     units = signal.unit if isinstance(signal.unit, tuple) else (signal.unit or "",)
     about = {"signal": signal.name, "units": ", ".join(units if len(set(units)) > 1 else units[:1])}
     about |= {"long_name": signal.description, "causality": signal.causality, "fleet": signal.fleet}
-    about |= {"dtype": "bool" if np.dtype(signal.dtype).kind == "b" else ""}  # as xarray notes it
-    variable.attrs.update({key: text for key, text in about.items() if text})
-    return variable
+    return {key: text for key, text in about.items() if text}
 
 
 def _create_index(variable: Any) -> None:

@@ -27,8 +27,7 @@ def write(path: Path, results: Results) -> None:
     import h5py
 
     study = results.study
-    coordinates = _coordinates(study)
-    variables = _variables(results, tuple(len(values) for _, values, _ in coordinates.values()))
+    coordinates, variables = arrays(results)
     fresh = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
     try:
         with h5py.File(fresh, "w", track_order=True) as file:
@@ -40,6 +39,12 @@ def write(path: Path, results: Results) -> None:
         raise ResultError(f"cannot write {path}: {error}", fix="choose a folder that you may write to") from None
     finally:
         fresh.unlink(missing_ok=True)
+
+
+def arrays(results: Results) -> tuple[dict[str, Variable], dict[str, Variable]]:
+    """The coordinates and the variables of the data set, each with its dimensions and attributes."""
+    coordinates = _coordinates(results.study)
+    return coordinates, _variables(results, tuple(len(values) for _, values, _ in coordinates.values()))
 
 
 def _create(file: Any, name: str, variable: Variable) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -9,10 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import Position
+from cosim.authoring.block import Block
+from cosim.errors import Position, Problems
 from cosim.language.source import Node
 from cosim.plot.figures import Figure
 
+Layers = Callable[[Problems], tuple[Node, list[Path]]]
+"""Gives the tree of a diagram with all its layers, and the files that it was read from."""
 METHODS = ("random", "latin-hypercube", "sobol")
 STATISTICS = ("max", "mean", "median", "min", "rms", "std")
 OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": "mean", "events": "max", "first": "min"}
@@ -21,7 +25,10 @@ OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": 
 
 @dataclass(frozen=True)
 class Variant:
-    """One named variant: a diagram, another or the study's own, with an overlay, swaps and settings on top of it."""
+    """One named variant: a diagram, another or the study's own, with an overlay, swaps and settings on top of it.
+
+    layers: gives the diagram, where a program has it, and no file.
+    """
 
     name: str
     diagram: Path
@@ -30,6 +37,7 @@ class Variant:
     overlay: Node | None = None
     swaps: dict[str, Node] = field(default_factory=dict)
     settings: dict[str, Node] = field(default_factory=dict)
+    layers: Layers | None = None
 
 
 @dataclass(frozen=True)
@@ -46,11 +54,26 @@ class GridAxis:
         """Whether all values are numbers."""
         return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
 
+    def settings(self, at: int) -> tuple[tuple[str, Any], ...]:
+        """What the value of that number sets, by path."""
+        return tuple((path, self.values[at]) for path in self.paths)
+
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """The values as text: numbers with 12 digits, or with all where that does not tell two apart."""
         short = tuple(_label(value, ".12g") for value in self.values)
         return short if len(set(short)) == len(short) else tuple(_label(value, ".17g") for value in self.values)
+
+
+@dataclass(frozen=True)
+class RunsAxis(GridAxis):
+    """Runs that are listed one by one, each with settings of its own; the values are their numbers from 0."""
+
+    listed: tuple[tuple[tuple[str, Any], ...], ...] = ()
+
+    def settings(self, at: int) -> tuple[tuple[str, Any], ...]:
+        """As of `GridAxis`."""
+        return self.listed[at]
 
 
 def _label(value: Any, style: str) -> str:
@@ -145,6 +168,7 @@ class Study:
     """A study file, checked against the grammar.
 
     metrics: the names to keep, None for all.
+    classes: those of a program's that diagrams may name with `block:`.
     record: None, or what replaces the diagram's own recording, which an empty mapping leaves as it is.
     """
 
@@ -162,6 +186,7 @@ class Study:
     references: tuple[Reference, ...] = ()
     question: Question | None = None
     figures: list[Figure] = field(default_factory=list)
+    classes: Mapping[str, type[Block]] = field(default_factory=dict)
 
     @property
     def records(self) -> bool:

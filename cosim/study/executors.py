@@ -7,11 +7,15 @@ bits. Threads share the kernels, and the compiled loop lets go of the interprete
 from __future__ import annotations
 
 import os
+import pickle
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache
-from multiprocessing import get_context, parent_process
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
@@ -21,6 +25,7 @@ from typing import Any
 from cosim.errors import ClusterError
 from cosim.machine import interruption
 from cosim.study import member_run, study_file
+from cosim.study.definition import Study
 from cosim.study.member_run import Row
 from cosim.study.plan import Member
 from cosim.study.variants import Variants
@@ -53,7 +58,25 @@ def shared_event() -> SharedEvent:
     return _CONTEXT.Event()
 
 
-_CONTEXT = get_context("spawn")
+class _Process(SpawnProcess):
+    """A process that does not run the program's own script once more: its work comes from this package alone."""
+
+    @staticmethod
+    def _Popen(process_obj: Any) -> Any:  # noqa: N802  # the standard library's name
+        main = vars(sys.modules["__main__"])
+        kept: dict[str, Any] = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
+        main["__spec__"] = None
+        try:
+            return SpawnProcess._Popen(process_obj)  # noqa: SLF001
+        finally:
+            main.update(kept)
+
+
+class _Context(SpawnContext):
+    Process = _Process
+
+
+_CONTEXT = _Context()
 _stop: SharedEvent | None = None  # of a process among `processes`
 
 
@@ -127,17 +150,44 @@ def _done(pending: dict[Future[Row], Any]) -> Iterator[tuple[Any, Future[Row]]]:
         del pending[future]
 
 
-def run_elsewhere(path: str, settings: tuple[str, ...], chosen: Member, file: Path | None, key: str) -> Row:
+@dataclass(frozen=True)
+class StudyFile:
+    """A study to be read elsewhere from its file."""
+
+    path: str
+    settings: tuple[str, ...]
+
+    def load(self) -> Study:
+        """The study, as the file is now. Raises: DiagramErrors."""
+        return study_file.load(self.path, self.settings)
+
+
+@dataclass(frozen=True)
+class PickledStudy:
+    """A study that a program has made, to be taken elsewhere as it is."""
+
+    content: bytes
+
+    def load(self) -> Study:
+        """The study."""
+        study: Study = pickle.loads(self.content)  # noqa: S301  which this very program has written
+        return study
+
+
+Origin = StudyFile | PickledStudy
+
+
+def run_elsewhere(origin: Origin, chosen: Member, file: Path | None, key: str) -> Row:
     """Run a member in another process, which reads the study itself, and again if its copy is not up to date."""
-    variants = _variants(path, settings)
+    variants = _variants(origin)
     prepared = variants.prepared(chosen)
     if prepared.key != key:
         _variants.cache_clear()
-        variants = _variants(path, settings)
+        variants = _variants(origin)
         prepared = variants.prepared(chosen)
     return member_run.run(variants, chosen, file, _watch, prepared)
 
 
 @lru_cache(maxsize=4)
-def _variants(path: str, settings: tuple[str, ...]) -> Variants:
-    return Variants(study_file.load(path, settings))
+def _variants(origin: Origin) -> Variants:
+    return Variants(origin.load())

@@ -81,4 +81,4 @@ def find(study: Study, draws: Draws | None, name: str) -> Member:
 
 def grid_settings(study: Study, point: tuple[int, ...]) -> tuple[tuple[str, Any], ...]:
     """What a point of the grid sets."""
-    return tuple((path, axis.values[at]) for axis, at in zip(study.grid, point, strict=True) for path in axis.paths)
+    return tuple(pair for axis, at in zip(study.grid, point, strict=True) for pair in axis.settings(at))

@@ -21,7 +21,7 @@ from cosim.study.definition import Study
 from cosim.study.draws import Draws
 from cosim.study.member_run import Row
 from cosim.study.plan import Member
-from cosim.study.store import Store
+from cosim.study.store import MemoryStore, Store
 from cosim.study.variants import Prepared, Variants
 
 FAILED = ("failed", "diverged", "terminated")
@@ -43,13 +43,18 @@ class Job:
 
 @dataclass
 class Options:
-    """How to run. threads: 0 for one each processor. cluster: a scheduler's address. settings: the study's --set."""
+    """How to run. threads: 0 for one each processor. cluster: a scheduler's address. settings: the study's --set.
 
-    folder: Path
+    folder: where everything is kept; None: in memory.
+    """
+
+    folder: Path | None
     threads: int = 0
     cluster: str = ""
     settings: tuple[str, ...] = ()
     watch: Callable[[int, int], None] = lambda done, total: None
+    origin: executors.Origin | None = None  # where other processes have the study from, if not from its file
+    here: bool = False  # whether members run one by one in this process, as no other can have their code
 
 
 @dataclass
@@ -59,14 +64,20 @@ class Results:
     study: Study
     variants: Variants
     draws: Draws | None
-    folder: Path
+    folder: Path | None
     total: int
     ran: int = 0
     reused: int = 0
     seconds: float = 0.0
     keys: list[str | None] = field(default_factory=list)
     refused: dict[int, Row] = field(default_factory=dict)
-    store: Store | None = None
+    store: Store | MemoryStore | None = None
+
+    @property
+    def kept_in(self) -> Path:
+        """The folder where all of it is kept."""
+        assert self.folder, "it is kept in memory"
+        return self.folder
 
     @property
     def reductions(self) -> dict[str, str]:
@@ -104,7 +115,7 @@ def run(study: Study, options: Options) -> Results:
     variants.check()
     draws = variants.draws()
     results = Results(study, variants, draws, options.folder, plan.size(study))
-    results.store = Store(options.folder / "members.jsonl")
+    results.store = Store(options.folder / "members.jsonl") if options.folder else MemoryStore()
     try:
         _run(results, options)
     finally:
@@ -123,8 +134,9 @@ def run_one(study: Study, name: str, folder: Path) -> tuple[Member, Row]:
     return chosen, {**row, "metrics": from_json(row["metrics"])}
 
 
-def member_file(folder: Path, chosen: Member) -> Path:
+def member_file(folder: Path | None, chosen: Member) -> Path:
     """Where a member's signals are recorded."""
+    assert folder, "in memory, nothing is recorded"
     return folder / "members" / f"{chosen.name}.nc"
 
 
@@ -134,8 +146,8 @@ def _run(results: Results, options: Options) -> None:
         with executors.cluster(options.cluster) as (executor, workers):
             submit = partial(_run_elsewhere, executor, results.study, options)
             _collect(results, options, submit, WINDOW * workers, executor, threading.Event())
-    elif results.variants.shareable():
-        with executors.threads(count) as executor:
+    elif results.variants.shareable() or options.here:
+        with executors.threads(1 if options.here else count) as executor:
             stop = threading.Event()
             _collect(results, options, partial(_run_here, executor, results, stop), WINDOW * count, executor, stop)
     else:
@@ -154,8 +166,8 @@ def _run_here(executor: Executor, results: Results, stop: threading.Event, job: 
 
 
 def _run_elsewhere(executor: Executor, study: Study, options: Options, job: Job) -> Future[Row]:
-    arguments = (str(study.path.resolve()), options.settings, job.member, job.file, job.key)
-    return executor.submit(executors.run_elsewhere, *arguments)
+    origin = options.origin or executors.StudyFile(str(study.path.resolve()), options.settings)
+    return executor.submit(executors.run_elsewhere, origin, job.member, job.file, job.key)
 
 
 def _collect(
@@ -203,7 +215,7 @@ def _row(job: Job, future: Future[Row]) -> Row:
     return {"key": job.key, **identity(job.member), **row}
 
 
-def _jobs(results: Results, folder: Path) -> Iterator[Job]:
+def _jobs(results: Results, folder: Path | None) -> Iterator[Job]:
     """The members that have to run; those whose values a block refuses are noted and never run."""
     store, study = results.store, results.study
     assert store is not None

@@ -92,6 +92,26 @@ class Store:
                 offset += len(line)
 
 
+class MemoryStore:
+    """The same for a program that keeps the rows itself."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, dict[str, Any]] = {}
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._rows
+
+    def __getitem__(self, key: str) -> dict[str, Any]:
+        return self._rows[key]
+
+    def append(self, row: dict[str, Any]) -> None:
+        """Keep a row, which has a `key`."""
+        self._rows[row["key"]] = row
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
 def _lock(file: int) -> None:
     """Lock a file until it is closed. Raises: BlockingIOError if somebody else has it."""
     try:

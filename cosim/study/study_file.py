@@ -6,7 +6,7 @@ What blocks and metrics there are is not known here: `cosim.study.variants` chec
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,16 +32,28 @@ from cosim.study.study_keys import EXPLAIN, OVERLAY, STUDY
 
 def load(path: str | Path, settings: Iterable[str] = ()) -> Study:
     """Read a study; `settings` replace values in it, such as ``random.count=20``. Raises: DiagramErrors."""
-    problems = Problems()
     path = Path(path)
+    return build(lambda problems: _with_settings(source.read(path, problems), settings), path)
+
+
+def build(read: Callable[[Problems], Node], path: Path) -> Study:
+    """The study that a tree says; read: gives it. path: the file that it counts as. Raises: DiagramErrors."""
+    problems = Problems()
     try:
-        tree = _with_settings(source.read(path, problems), settings)
-        study = _study(tree, path, Reader(problems))
+        study = _study(read(problems), path, Reader(problems))
     except CosimError as error:
         problems.add(error)
         raise DiagramErrors(problems.errors) from None
     problems.raise_if_any()
     return study
+
+
+def changed(path: Path, values: Mapping[str, Node], problems: Problems) -> Node:
+    """The tree of a study's file with other values, by dotted path. Raises: MissingFile, YamlSyntaxError, WrongType."""
+    tree = source.read(path, problems)
+    for name, node in values.items():
+        tree = _at(tree, name.split("."), replace(node, key_position=node.position))
+    return tree
 
 
 def _with_settings(tree: Node, settings: Iterable[str]) -> Node:

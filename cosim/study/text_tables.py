@@ -47,7 +47,7 @@ def tables(results: Results) -> list[TextTable]:
 def write(results: Results, made: Sequence[TextTable]) -> None:
     """Write each table as CSV, with all digits, and as Markdown, beside the study's data set. Raises: ResultError."""
     for table in made:
-        path = results.folder / f"{file_names.stem(table.title)}.md"
+        path = results.kept_in / f"{file_names.stem(table.title)}.md"
         try:
             path.write_text(markdown(table), encoding="utf-8")
             path = path.with_suffix(".csv")

@@ -34,7 +34,7 @@ from cosim.errors import (
 )
 from cosim.language import diagram, overlay
 from cosim.language.data_files import listed
-from cosim.language.keys import ADDS
+from cosim.language.keys import ADDS, BLOCK
 from cosim.language.reader import is_constant
 from cosim.language.source import Node
 from cosim.language.values import Value
@@ -42,7 +42,7 @@ from cosim.study import consistency, plan
 from cosim.study.definition import Draw, Study, Variant
 from cosim.study.draws import Draws
 from cosim.study.plan import Member
-from cosim.wiring import resolution
+from cosim.wiring import library, resolution
 from cosim.wiring.network import Network, Signal
 from cosim.wiring.revaluing import revalue
 
@@ -80,9 +80,7 @@ class Template:
         self.network = network
         self.program = program.build(network, network.diagram.run.method)
         self.kernels = compilation.compile_program(self.program)
-        for module in (*self.kernels.modules.values(), self.kernels.loop):
-            if module:
-                module.load()  # here, where no other thread is loading
+        self.kernels.load()
         self.shared = run_key.structure(network, self.program, self.kernels)
 
     def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
@@ -201,12 +199,13 @@ class Variants:
                 tree = overlay.set_value(tree, path, as_node(value, self.positions[path]), self.positions[path])
             except CosimError as error:
                 problems.add(error)
-        return resolution.wire(diagram.build(tree, files, problems), problems)
+        with library.offering(self.study.classes):
+            return resolution.wire(diagram.build(tree, files, problems), problems)
 
     def _tree(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:
         """A variant's layers, merged; with the study's metrics, and with the recording that it asks for."""
         if variant.name not in self._trees:
-            tree, files = overlay.read_layers(variant.diagram, problems, variant.diagram_position)
+            tree, files = self._layers(variant, problems)
             if diagram.is_study(tree):
                 message = f"`{variant.diagram}` is a study, not a diagram"
                 raise WrongFile(message, variant.diagram_position, "name a diagram, such as the one of that study")
@@ -218,6 +217,11 @@ class Variants:
                 tree = overlay.set_value(tree, path, node, node.place)
             self._trees[variant.name] = self._measured(tree), files
         return self._trees[variant.name]
+
+    def _layers(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:
+        if variant.layers:
+            return variant.layers(problems)
+        return overlay.read_layers(variant.diagram, problems, variant.diagram_position)
 
     def _measured(self, tree: Node) -> Node:
         study, place = self.study, tree.position
@@ -293,10 +297,12 @@ def has_foreign(network: Network) -> bool:
 def address_of(network: Network, path: str) -> Address | None:
     """The parameter, start value or constant that a dotted path names; None for anything else, which is structure."""
     parts = path.split(".")
-    if len(parts) < 4 or parts[0] != "blocks" or parts[2] not in ("parameters", "start", "inputs"):
-        return None
-    component = network.components.get(parts[1])
+    component = network.components.get(parts[1]) if len(parts) > 2 and parts[0] == "blocks" else None
     if component is None:
+        return None
+    if parts[2] not in BLOCK:  # short for one of these sections, as of `overlay.set_value`
+        parts.insert(2, "start" if parts[2] in component.entry.start else "parameters")
+    if len(parts) < 4 or parts[2] not in ("parameters", "start", "inputs"):
         return None
     classes = {"parameters": Parameter, "start": (State, Input), "inputs": Input}[parts[2]]
     for end in range(len(parts), 3, -1):

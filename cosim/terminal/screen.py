@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
 
 from cosim.errors import CosimError, DiagramErrors, Position
+from cosim.machine.notices import PATIENCE
 from cosim.results.formatting import format_change, format_duration, format_value, format_with_error
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ NARROWEST = 24
 UNLIMITED = 10_000
 TIED = "\N{NO-BREAK SPACE}"
 """A space at which no line ends; `print_wrapped` prints it as any other."""
-PATIENCE = 0.3
-"""Seconds of wall-clock time that pass before a progress bar appears: a short run is not worth one."""
 ASCII = str.maketrans(
     {"–": "-", "—": "-", "×": "x", "…": "...", "µ": "u", "²": "2", "³": "3", "√": "sqrt ", "·": ".", "±": "+/-"}
 )

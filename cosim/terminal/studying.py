@@ -12,6 +12,7 @@ from typing import Any
 
 from cosim.errors import CosimError, ResultError
 from cosim.study import dataset, file_names, running, study_file, text_tables
+from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
 from cosim.terminal.exits import DONE, STOPPED
@@ -52,7 +53,7 @@ def check_folders(paths: Sequence[Path]) -> None:
 def run(path: Path, options: argparse.Namespace) -> Results:
     """Run a study with a progress bar, and write its data set and tables. Raises: DiagramErrors, ResultError."""
     folder = options.results / path.stem
-    with study_display.Counter() as counter:
+    with Counter() as counter:
         settings = Options(folder, options.threads, options.dask, tuple(options.set), counter.update)
         try:
             results = running.run(study_file.load(path, options.set), settings)
@@ -69,7 +70,7 @@ def run(path: Path, options: argparse.Namespace) -> Results:
 def _report(results: Results, as_json: bool) -> None:
     summary = running.summary(results)
     if as_json:
-        content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.folder / "study.nc")}
+        content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.kept_in / "study.nc")}
         content |= {"members": results.total, "ran": results.ran, "seconds": round(results.seconds, 3), **summary}
         content["tables"] = {t.title: [t.head, *t.rows] for t in text_tables.tables(results)}
         print(json.dumps(content, ensure_ascii=False))
@@ -80,7 +81,7 @@ def _report(results: Results, as_json: bool) -> None:
     counts += "" if summary["failed"] else ", none failed"
     before = f", {results.reused} needed no run" if results.reused else ""
     print(f"\n{results.total} members: {counts} (ran {results.ran} in {results.seconds:.3g} s{before})")
-    print(f"recorded in {results.folder / 'study.nc'}")
+    print(f"recorded in {results.kept_in / 'study.nc'}")
     reasons = list(summary["reasons"].items())
     warnings = [
         CosimError(f"{count} × {reason}", fix=f"replay the first: cosim study {results.study.path} --member {name}")

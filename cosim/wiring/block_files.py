@@ -50,6 +50,12 @@ def import_file(path: Path) -> ModuleType:
     return module
 
 
+def contents(path: Path) -> dict[Path, bytes]:
+    """A Python file that has been imported, and the files of its folder that it imports, as they were then."""
+    known = _files.get(path.resolve())
+    return dict(known[0]) if known else {}
+
+
 def _new_module(file: Path) -> ModuleType:
     name = f"{FILE_PREFIX}{file.stem}_{hashlib.sha256(os.fsencode(file)).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)

@@ -20,7 +20,7 @@ from cosim.fmu import importer, settings
 from cosim.fmu.description import read_description
 from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
-from cosim.language.overlay import apply_settings, apply_swaps
+from cosim.language.overlay import Change, apply_settings, apply_swaps
 from cosim.language.source import Node
 
 STEPS, MOST_STEPS = 500, 100_000
@@ -35,6 +35,11 @@ def load(path: Path, given: Iterable[str], swaps: Iterable[str], problems: Probl
 
     Raises: DiagramErrors where the FMU cannot be read at all.
     """
+    return diagrams.build(read(path, given, swaps, problems), [path], problems)
+
+
+def read(path: Path, given: Iterable[str | Change], swaps: Iterable[str], problems: Problems) -> Node:
+    """The tree of that diagram. Raises: as `load`."""
     place = Position(str(path))
     try:
         _, description = read_description(path, place)
@@ -44,15 +49,16 @@ def load(path: Path, given: Iterable[str], swaps: Iterable[str], problems: Probl
         raise DiagramErrors(problems.errors) from None
     tree = apply_settings(apply_swaps(tree, swaps, problems), given, problems)
     tree = _with_run(tree, description, path, place, problems)
-    diagram = diagrams.build(tree, [path], problems)
-    entry = diagram.blocks.get(_name(path))
+    if problems.errors:
+        return tree
+    entry = diagrams.build(tree, [path], problems).blocks.get(_name(path))
     if entry is None or entry.kind != "fmu" or problems.errors:
-        return diagram
+        return tree
     try:
         declaration = importer.block(entry).declaration
     except CosimError:
-        return diagram  # told as it is wired
-    return diagrams.build(_with_all(tree, declaration, _name(path), place), [path], problems)
+        return tree  # told as it is wired
+    return _with_all(tree, declaration, _name(path), place)
 
 
 def _name(path: Path) -> str:

@@ -10,18 +10,24 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 
+from cosim.authoring.author_source import function_text
 from cosim.authoring.block import Block, mistakes_wait
 from cosim.errors import (
     AmbiguousBlock,
     CosimError,
+    DeclarationError,
     DiagramErrors,
     UnknownBlock,
+    WrongType,
     WrongValue,
     nearest,
 )
@@ -32,6 +38,17 @@ from cosim.wiring.block_files import import_file
 from cosim.wiring.block_modules import block_classes, find_spec, import_error
 
 GROUP = "cosim.blocks"
+_given: ContextVar[Mapping[str, type[Block]]] = ContextVar("given", default=MappingProxyType({}))
+
+
+@contextmanager
+def offering(classes: Mapping[str, type[Block]]) -> Iterator[None]:
+    """Inside, these classes of a program's are found by their names, before those of the libraries."""
+    token = _given.set(classes)
+    try:
+        yield
+    finally:
+        _given.reset(token)
 
 
 def find(entry: BlockEntry) -> type[Block]:
@@ -40,6 +57,8 @@ def find(entry: BlockEntry) -> type[Block]:
     Raises: UnknownBlock, AmbiguousBlock, BlockImportError, DeclarationError, MissingFile, WrongValue,
     and for an FMU ArchiveError, FmuError, UnknownPort.
     """
+    if entry.type.made or (entry.kind == "block" and entry.type.value in _given.get()):
+        return _from_program(entry, entry.type.made or _given.get()[entry.type.value])
     if entry.kind == "fmu":
         from cosim.fmu import importer
 
@@ -64,6 +83,22 @@ def packs() -> dict[str, list[type[Block]]]:
 def broken() -> list[CosimError]:
     """What keeps modules of the installed libraries from being imported."""
     return list(_libraries()[1])
+
+
+def _from_program(entry: BlockEntry, made: type) -> type[Block]:
+    """A class that a program gives, such as one of a notebook's cell. Raises: WrongType, DeclarationError."""
+    from cosim.authoring import authors
+
+    if not issubclass(made, Block) or entry.kind != "block":
+        message = f"block `{entry.name}`: the class {made.__qualname__} is no type of block behind `{entry.kind}:`"
+        raise WrongType(message, entry.type.position, "give a class that is derived from cosim.Block, as `block:`")
+    for function in made.declaration.functions:
+        if function_text(function.python) is None:
+            message = f"block `{entry.name}`: the source of {made.__qualname__}.{function.name}() cannot be found"
+            fix = "write the class in a file or a notebook's cell; where its file has changed, import it again"
+            raise DeclarationError(message, entry.type.position, fix)
+    authors.check([made.declaration])
+    return made
 
 
 def _from_libraries(entry: BlockEntry) -> type[Block]:
@@ -99,6 +134,9 @@ def _qualifiers(block: type[Block], pack: str) -> set[str]:
 def _meant(pack: str, name: str) -> str:
     """The usual fix for a name that no library has, perhaps in one pack only."""
     known, _, home = _libraries()
+    found = None if pack else vars(sys.modules["__main__"]).get(name)
+    if isinstance(found, type) and issubclass(found, Block):
+        return f"hand the class over: cosim.load(…, blocks=[{name}])"
     if pack.endswith((".py", ".fmu", ".yaml", ".yml")):
         return f"write `python: {pack}:{name}`" if pack.endswith(".py") else ""
     blocks = {block: _qualifiers(block, home[block]) for classes in known.values() for block in classes}

@@ -15,10 +15,9 @@ import pytest
 
 from cosim.errors import ResultError
 from cosim.results.result_file import open_result
-from cosim.study import dataset, running
+from cosim.study import counter, dataset, running
 from cosim.study.running import Options
 from cosim.study.store import Store
-from cosim.terminal import study_display
 from cosim.terminal.cli import main
 from tests.study.conftest import DIAGRAM, STUDY, written
 
@@ -238,13 +237,13 @@ def test_who_watches_is_told_of_every_member_that_is_done(study, tmp_path):
 def test_the_time_left_is_that_of_the_members_that_run(monkeypatch):
     """Five were done before, one a second runs since: 18 more take 18 s; what needed no run says nothing about it."""
     now = [100.0]
-    monkeypatch.setattr(study_display.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(counter.time, "perf_counter", lambda: now[0])
     monkeypatch.setenv("TERM", "xterm")
     terminal = io.StringIO()
     terminal.isatty = lambda: True
-    with study_display.Counter(terminal) as counter:
+    with counter.Counter(terminal) as bar:
         for done in range(6, 13):
-            counter.update(done, 30)
+            bar.update(done, 30)
             now[0] += 1.0
     assert "12/30" in terminal.getvalue() and re.search(r"\b18 s left", terminal.getvalue())
 
