@@ -35,6 +35,11 @@ class TextTable:
     values: list[list[float | None]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def labels(self) -> int:
+        """How many columns, from the left, say what a row is."""
+        return len(self.head) - len(self.values[0]) if self.values else 1
+
 
 def tables(results: Results) -> list[TextTable]:
     """The study's tables; one of all metrics if it names none."""
@@ -54,9 +59,8 @@ def write(results: Results, made: Sequence[TextTable]) -> None:
             with path.open("w", newline="", encoding="utf-8") as file:
                 writer = csv.writer(file)
                 writer.writerow(table.head)
-                labels = len(table.head) - len(table.values[0]) if table.values else 0
                 for texts, values in zip(table.rows, table.values, strict=True):
-                    writer.writerow([*texts[:labels], *values])
+                    writer.writerow([*texts[: table.labels], *values])
         except OSError as error:
             fix = "choose a folder that you may write to"
             raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
