@@ -1,4 +1,4 @@
-"""The figures that a study describes, read from YAML, and the picture of any run that nobody has described."""
+"""The figures that a study describes, read from YAML."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
-from cosim.language import grammar, source
+from cosim.language import grammar
 from cosim.language.keys import ANY, ANYTHING, NUMBER, POSITIVE, TEXT, TRUTH, Key, choice, count, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
@@ -20,10 +20,6 @@ from cosim.results.result_file import Result
 
 HEIGHTS = 0.5, 20.0
 """Inches of one panel: below, its labels do not fit; beyond, it fits no screen and no page."""
-MOST_PANELS = 12
-"""Of a picture of which nobody says what it shows."""
-MOST_CHANNELS = 6
-"""A signal of more channels is no vector in space, and is drawn in one panel."""
 _THRESHOLDS = Key("lines to compare with, by their words", below={ANY: Key("", NUMBER)})
 _KEYS = {
     "lines": {
@@ -63,6 +59,7 @@ PANEL: dict[str, Key] = {
     "derivative": Key("whether derivatives are drawn", TRUTH),
     "limits": Key("of the vertical axis, [least, most]", ANYTHING),
     "span": Key("of the horizontal axis, [first, last]", ANYTHING),
+    "window": Key("the times that are drawn, [first, last]", ANYTHING, unit="s"),
     "thresholds": _THRESHOLDS,
 }
 
@@ -210,7 +207,7 @@ def _panel(where: str, node: Node, reader: Reader) -> Panel:
         if key in entries:
             setattr(panel, key, read_value(PANEL[key], entries[key], f"{where}.{key}", reader))
     panel.names = _texts(entries.get("names"), f"{where}.names", reader)
-    for key in ("limits", "span"):
+    for key in ("limits", "span", "window"):
         setattr(panel, key, _range(entries.get(key), f"{where}.{key}", reader))
     panel.thresholds = _thresholds(entries, where, reader)
     panel.places = _places(entries)
@@ -251,49 +248,3 @@ def _range(node: Node | None, where: str, reader: Reader) -> tuple[float, float]
         reader.wrong(node, message, "write the lower end first, and then a higher one", WrongValue)
         return None
     return pair[0], pair[1]
-
-
-def default_signals(result: Result) -> list[str]:
-    """What a run's picture shows if nobody says: the recorded signals that its metrics reduce, else all of them.
-
-    Where those are too many for one picture, it shows the outputs among them.
-    """
-    try:
-        tree = source.parse_value(str(result.attrs.get("diagram", "")), Position(str(result.path)))
-        metrics = tree.value.get("metrics", Node({}, tree.position)).plain() if isinstance(tree.value, dict) else {}
-    except Exception:  # noqa: BLE001  # a result of another version: its diagram is no longer understood
-        metrics = {}
-    measured = dict.fromkeys(metric["signal"] for metric in metrics.values() if isinstance(metric, dict))
-    chosen = [name for name in measured if name in result.signals] or list(result.signals)
-    outputs = [name for name in chosen if result.signals[name].causality == "output"]
-    return outputs if outputs and len(chosen) > MOST_PANELS else chosen
-
-
-def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[str]:
-    """Draw signals of one run, or of several over each other; returns their names. Raises: PlotError, ResultError."""
-    with ExitStack() as stack:
-        stems = [path.stem for path in paths]
-        names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
-        runs = {name: stack.enter_context(Result(path)) for name, path in zip(names, paths, strict=True)}
-        first = next(iter(runs.values()))
-        chosen = list(signals) or default_signals(first)
-        if not chosen:
-            raise PlotError(f"{paths[0]} holds no signals", fix="add `record:` to the diagram")
-        if empty := [path for path, result in zip(paths, runs.values(), strict=True) if not len(result.times)]:
-            raise PlotError(f"{empty[0]} has no samples", fix="its run ended before the first one; run it again")
-        panels = [panel for name in chosen for panel in _panels_of(list(runs.values()), name)]
-        stack.enter_context(style.style())
-        style.save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
-    return chosen
-
-
-def _panels_of(runs: Sequence[Result], text: str) -> list[Panel]:
-    """The panels of a signal: one, or one for each channel if it has several of many members, in the largest fleet."""
-    shapes = [result.signals[text].shape for result in runs if text in result.signals]
-    shape = max(shapes, default=())
-    if any(other[1:] != shape[1:] for other in shapes):
-        return [Panel([text])]
-    if len(shape) != 2 or shape[0] * shape[1] <= lines.NAMED or shape[1] > MOST_CHANNELS:
-        return [Panel([text])]
-    names = [str(i + 1) for i in range(shape[0])]
-    return [Panel([f"{text}[:,{j + 1}]"], names=names) for j in range(shape[1])]

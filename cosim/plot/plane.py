@@ -70,21 +70,20 @@ def draw(result: Result, plane: Plane) -> Any:
 
     All times are in one picture, unless bodies of different times would cover each other: then each has its own.
     """
-    from matplotlib import pyplot
-
     paths = _Paths(result, plane)
     shown = [int(np.searchsorted(result.times, t - 1e-9)) for t in plane.at or (result.times[0], result.times[-1])]
     shown = list(dict.fromkeys(min(k, len(result.times) - 1) for k in shown))
     if not paths.cover_each_other(shown):
         size = (style.WIDTH, min(max(style.WIDTH * paths.ratio() + 0.6, 2.5), 6.5))
-        figure, axis = pyplot.subplots(figsize=size)
+        figure, grid = style.subplots(1, 1, size)
+        axis = grid[0, 0]
         paths.draw(axis, shown)
         axis.set_title(plane.title)
         axis.margins(0.04)
         axes: list[Any] = [axis]
     else:
         rows = -(-len(shown) // 2)
-        figure, grid = pyplot.subplots(rows, 2, figsize=(style.WIDTH, rows * style.COLUMN + 0.4), squeeze=False)
+        figure, grid = style.subplots(rows, 2, (style.WIDTH, rows * style.COLUMN + 0.4))
         axes = list(grid.flat)
         half = max(paths.reach(k) for k in shown)
         for axis, since, k in zip(axes, [0, *shown], shown, strict=False):
