@@ -4,17 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
 from cosim.language import grammar
-from cosim.language.keys import ANY, ANYTHING, NUMBER, POSITIVE, TEXT, TRUTH, Key, choice, count, read_value
+from cosim.language.keys import (
+    ANIMATION,
+    ANY,
+    ANYTHING,
+    NUMBER,
+    POSITIVE,
+    SIGNAL,
+    TEXT,
+    TRUTH,
+    Key,
+    choice,
+    count,
+    read_value,
+)
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import lines, plane, style
 from cosim.plot.distribution import Distribution
 from cosim.plot.lines import Panel
+from cosim.plot.motion import Motion
 from cosim.plot.plane import Plane
 from cosim.results.result_file import Result
 
@@ -35,6 +49,10 @@ _KEYS = {
         "radii": Key("of safe distances around them", ANYTHING),
         "at": Key("the times at which they are marked", ANYTHING, unit="s"),
     },
+    "animation": {
+        "members": Key("which run it shows", ANYTHING),
+        **{part: Key(f"{key.help}; none: as the diagram says", SIGNAL) for part, key in ANIMATION.items()},
+    },
     "distribution": {
         "metric": Key("what is distributed", ANYTHING),
         "label": Key("of its axis", TEXT),
@@ -46,7 +64,7 @@ _KEYS = {
 FIGURE: dict[str, Key] = {
     "kind": Key("of figure", choice(_KEYS)),
     "caption": Key("what stands below it", TEXT),
-    **{name: key for keys in _KEYS.values() for name, key in keys.items()},
+    **{name: key for keys in reversed(_KEYS.values()) for name, key in keys.items()},
 }
 PANEL: dict[str, Key] = {
     "signals": Key("what is drawn, block.port each", ANYTHING),
@@ -77,21 +95,18 @@ class Figure:
     panels: list[Panel] = field(default_factory=list)
     plane: Plane | None = None
     distribution: Distribution | None = None
+    motion: Motion | None = None
 
     def signals(self) -> list[str]:
         """The names of the signals that it shows, without the elements of them that it takes."""
         shown = [text for panel in self.panels for text in (*panel.signals, panel.over)]
         shown += [self.plane.positions, self.plane.references, self.plane.radii] if self.plane else []
+        shown += self.motion.signals.values() if self.motion else []
         return list(dict.fromkeys(text.partition("[")[0].strip() for text in shown if text))
 
     def draw(self, files: Mapping[str, Path], output: Path) -> None:
-        """Draw it from the members' result files. Raises: PlotError, ResultError."""
-        chosen = self.members or list(files)
-        missing = [name for name in chosen if name not in files]
-        if missing:
-            raise PlotError(f"member `{missing[0]}` has no recorded signals", fix="see in the summary why it failed")
-        if not chosen:
-            raise PlotError("no member has recorded signals", fix="see in the summary why they failed")
+        """Draw it from the members' result files; what moves is no picture. Raises: PlotError, ResultError."""
+        chosen = self._chosen(files)
         with ExitStack() as stack:
             runs = {name: stack.enter_context(Result(files[name])) for name in chosen}
             stack.enter_context(style.style())
@@ -100,6 +115,21 @@ class Figure:
             else:
                 made = lines.draw(runs, self.panels, self.columns, self.height)
             style.save(made, output)
+
+    def moving(self, files: Mapping[str, Path]) -> tuple[Path, Motion]:
+        """The result file and the signals of one that moves. Raises: PlotError."""
+        assert self.motion
+        return files[self._chosen(files)[0]], self.motion
+
+    def _chosen(self, files: Mapping[str, Path]) -> list[str]:
+        """The members that it shows. Raises: PlotError where one has no recorded signals."""
+        chosen = self.members or list(files)
+        missing = [name for name in chosen if name not in files]
+        if missing:
+            raise PlotError(f"member `{missing[0]}` has no recorded signals", fix="see in the summary why it failed")
+        if not chosen:
+            raise PlotError("no member has recorded signals", fix="see in the summary why they failed")
+        return list(chosen)
 
 
 def read(figures: Mapping[str, Node], problems: Problems) -> list[Figure]:
@@ -125,6 +155,9 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
         figure.height = _height(entries["height"], f"{where}.height", reader)
     if kind == "plane":
         figure.plane = _plane(node, figure.members, where, reader)
+        return figure
+    if kind == "animation":
+        figure.motion = _motion(entries, figure.members, where, reader)
         return figure
     if kind == "distribution":
         if "metric" not in entries:
@@ -152,10 +185,22 @@ def _plane(node: Node, members: list[str], where: str, reader: Reader) -> Plane:
     at = _numbers(entries.get("at"), f"{where}.at", reader)
     if "at" in entries and entries["at"].value == []:
         reader.wrong(entries["at"], f"`{where}.at` is empty", "name times, such as [0, 10]", WrongValue)
+    _refuse_several(entries, members, where, reader)
+    return Plane(at=at, places=_places(entries), **{"positions": "", **texts})
+
+
+def _motion(entries: Mapping[str, Node], members: Sequence[str], where: str, reader: Reader) -> Motion:
+    _refuse_several(entries, members, where, reader)
+    given = {part: entries[part] for part in ANIMATION if part in entries}
+    read = {part: read_value(ANIMATION[part], node, f"{where}.{part}", reader) for part, node in given.items()}
+    return replace(Motion(), **{part: str(node.value) for part, node in read.items() if node})
+
+
+def _refuse_several(entries: Mapping[str, Node], members: Sequence[str], where: str, reader: Reader) -> None:
+    """Report more than one run where only one can be shown."""
     if len(members) > 1:
         message = f"`{where}` shows bodies of one run, not of {len(members)}"
         reader.wrong(entries["members"], message, f"write members: {members[0]}", WrongValue)
-    return Plane(at=at, places=_places(entries), **{"positions": "", **texts})
 
 
 def _refuse_foreign(entries: Mapping[str, Node], kind: str, where: str, reader: Reader) -> None:

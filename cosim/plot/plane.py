@@ -17,6 +17,8 @@ from cosim.results.result_file import Result
 _BESIDE = {"references": (2, 2), "radii": (1, 0), "neighbours": (2, 1), "weights": (2, 1)}
 """What goes with bodies: how many axes it has, and how many elements along the second one at least."""
 
+MOST_NUMBERED = 60
+"""Of more bodies, none has its number."""
 HEADING = (0.5, 1.0)
 """From where to where a body's heading is drawn, in radii: its number stands before that."""
 
@@ -195,7 +197,8 @@ class Body:
 def bodies(axis: Any, x: np.ndarray, radius: np.ndarray) -> list[Body]:
     """Each body (bodies, at least 2) on the axes."""
     colours = [style.COLOURS[i % len(style.COLOURS)] for i in range(len(x))]
-    return [Body(axis, str(i + 1), x[i], radius[i], colours[i]) for i in range(len(x))]
+    names = [str(i + 1) if len(x) <= MOST_NUMBERED else "" for i in range(len(x))]
+    return [Body(axis, names[i], x[i], radius[i], colours[i]) for i in range(len(x))]
 
 
 def _circles(axis: Any, wanted: np.ndarray, shown: Sequence[int]) -> None:

@@ -40,7 +40,7 @@ class View:
 
 
 def plot(results: Results, shown: str | Sequence[str] = (), view: View = View()) -> Any:
-    """Draw signals of one run, or of several over each other; returns matplotlib's Figure, with a label that says which.
+    """Draw signals of one run, or of several over each other; returns matplotlib's Figure, whose label says which.
 
     results: result files or their paths; a mapping also says what they are called. shown: panels, each a text or all
     with commas between: `plant.x`, some elements of it as of `cosim.plot.signals`, several signals `a.b + c.d` in one

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cosim.errors import PlotError
 from cosim.plot import animation, signal_plot, style
-from cosim.plot.animation import PORTS, Motion
+from cosim.plot.motion import PORTS, Motion
 from cosim.plot.signal_plot import View
 from cosim.results.result_file import open_result
 
@@ -31,9 +31,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--from", dest="first", type=float, metavar="T", help="draw from this time on (s)")
     parser.add_argument("--to", dest="last", type=float, metavar="T", help="draw up to this time (s)")
     parser.add_argument("--columns", type=int, choices=range(1, 7), metavar="N", help="panels side by side (1 to 6)")
-    parser.add_argument("--animate", action="store_true", help="robots moving, as .gif or .html")
+    parser.add_argument("--animate", action="store_true", help="bodies moving, as .mp4, .gif or .html")
     for part, port in PORTS.items():
-        help_ = f"with --animate: the signal with their {part} (default: the recorded port called `{port}`)"
+        help_ = (
+            f"with --animate: the signal with their {part} (default: as the diagram's `animation` says, or `{port}`)"
+        )
         parser.add_argument(f"--{part}", metavar="a.b", help=help_)
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="a .png, .svg or .pdf (default: RESULT.png)")
 
@@ -43,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     first: Path = options.results[0]
     _refuse_unused(options)
     if options.animate:
-        output = options.output or first.with_suffix(".gif")
+        output = options.output or first.with_suffix(f".{animation.film()}")
         with open_result(first) as result:
             motion = animation.animate(result, Motion(**{part: getattr(options, part) for part in PORTS}), output)
         print(", ".join(f"{part} {name}" for part, name in motion.signals.items()))
@@ -54,6 +56,8 @@ def run(options: argparse.Namespace) -> int:
         style.save(made, output)
         print(made.get_label())
     print(f"drawn in {output}")
+    if options.animate and not options.output and output.suffix == ".gif":
+        print("a GIF, as ffmpeg is not installed; -o robots.html plays in a browser")
     return 0
 
 
