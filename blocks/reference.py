@@ -3,7 +3,7 @@
 import math
 
 from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter
-from cosim.blocks.channels import ACCELERATION, POSITION, VELOCITY
+from cosim.blocks.channels import ACCELERATION, CHANNELS, POSITION, VELOCITY
 
 
 class SineWavePath(Block):
@@ -19,9 +19,9 @@ class SineWavePath(Block):
     speed = Parameter(unit="m/s", default=0.2, description="speed of the centre along the first axis")
     amplitude = Parameter(unit="m", default=1.0, description="amplitude of the centre along the second axis")
     frequency = Parameter(unit="rad/s", default=0.3, description="angular frequency of the centre's sine wave")
-    x_c = Output(3, unit=POSITION, description="position of the centre")
-    dx_c = Local(3, unit=VELOCITY, description="first derivative of x_c")
-    ddx_c = Local(3, unit=ACCELERATION, description="second derivative of x_c")
+    x_c = Output(3, unit=POSITION, components=CHANNELS, description="position of the centre")
+    dx_c = Local(3, unit=VELOCITY, components=CHANNELS, description="first derivative of x_c")
+    ddx_c = Local(3, unit=ACCELERATION, components=CHANNELS, description="second derivative of x_c")
 
     def outputs(time, speed, amplitude, frequency, x_c, dx_c, ddx_c):
         phase = frequency * time
@@ -47,15 +47,15 @@ class CircularFormationReference(Block):
     Only `x_d` is given to robots. Its true derivatives are locals: a robot has to estimate them.
     """
 
-    x_c = Input(3, unit=POSITION, description="position of the centre")
-    dx_c = Input(3, unit=VELOCITY, description="first derivative of x_c")
-    ddx_c = Input(3, unit=ACCELERATION, description="second derivative of x_c")
+    x_c = Input(3, unit=POSITION, components=CHANNELS, description="position of the centre")
+    dx_c = Input(3, unit=VELOCITY, components=CHANNELS, description="first derivative of x_c")
+    ddx_c = Input(3, unit=ACCELERATION, components=CHANNELS, description="second derivative of x_c")
     angle = Parameter(unit="rad", default="2*pi*i/N", description="the robot's place on the circle")
     radius = Parameter(unit="m", default=1.8, description="radius of the circle")
     place = CalculatedParameter(2, unit="m", description="the robot's place relative to the centre")
-    x_d = Output(3, unit=POSITION, description="position reference")
-    dx_d = Local(3, unit=VELOCITY, description="true first derivative of x_d")
-    ddx_d = Local(3, unit=ACCELERATION, description="true second derivative of x_d")
+    x_d = Output(3, unit=POSITION, components=CHANNELS, description="position reference")
+    dx_d = Local(3, unit=VELOCITY, components=CHANNELS, description="true first derivative of x_d")
+    ddx_d = Local(3, unit=ACCELERATION, components=CHANNELS, description="true second derivative of x_d")
 
     def calculate(angle, radius, place):
         place[0] = radius * math.cos(angle)

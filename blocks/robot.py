@@ -1,7 +1,7 @@
 """The plant: a three-wheel omnidirectional robot, (42)."""
 
 from cosim import Block, Input, Parameter, State, rule
-from cosim.blocks.channels import ACCELERATION, POSITION, VELOCITY
+from cosim.blocks.channels import ACCELERATION, CHANNELS, POSITION, VELOCITY
 from cosim.blocks.control_gain import wheel_directions
 
 
@@ -18,9 +18,9 @@ class OmnidirectionalRobot(Block):
     """
 
     u = Input(3, unit="N", description="forces of the three wheels")
-    w = Input(3, unit=ACCELERATION, description="uncertainty")
-    x = State(3, unit=POSITION, output=True, description="position and heading")
-    v = State(3, unit=VELOCITY, description="velocity")
+    w = Input(3, unit=ACCELERATION, components=CHANNELS, description="uncertainty")
+    x = State(3, unit=POSITION, components=CHANNELS, output=True, description="position and heading")
+    v = State(3, unit=VELOCITY, components=CHANNELS, description="velocity")
     mass = Parameter(unit="kg", description="mass")
     inertia = Parameter(unit="kg.m2", description="moment of inertia")
     radius = Parameter(unit="m", description="distance of the wheels from the centre")

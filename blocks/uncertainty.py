@@ -3,7 +3,7 @@
 import math
 
 from cosim import Block, Input, Output, Parameter
-from cosim.blocks.channels import ACCELERATION, POSITION
+from cosim.blocks.channels import ACCELERATION, CHANNELS, POSITION
 
 
 class Uncertainty(Block):
@@ -18,10 +18,10 @@ class Uncertainty(Block):
     times `amplitude`, which is 1 in the paper.
     """
 
-    x = Input(3, unit=POSITION, description="position and heading")
+    x = Input(3, unit=POSITION, components=CHANNELS, description="position and heading")
     number = Parameter(unit="1", default="i", description="the robot's number i")
     amplitude = Parameter(unit="1", default=1.0, description="how many times the paper's uncertainty")
-    w = Output(3, unit=ACCELERATION, description="uncertainty")
+    w = Output(3, unit=ACCELERATION, components=CHANNELS, description="uncertainty")
 
     def outputs(time, x, number, amplitude, w):
         p_x, p_y, theta = x[0], x[1], x[2]

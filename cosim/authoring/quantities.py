@@ -1,4 +1,4 @@
-"""What is wrong with the units, nominal values and limits that a variable is declared with."""
+"""What is wrong with the units, nominal values, limits and names of components that a variable is declared with."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ def mistakes(name: str, variable: Any) -> Iterator[tuple[str, str]]:
         yield f"the unit of `{name}`: {said[0]}", said[1]
     elif said := _display(variable):
         yield f"the display unit of `{name}`: {said[0]}", said[1]
+    if said := _components(variable.components, variable.shape):
+        yield f"the components of `{name}`: {said[0]}", said[1]
     wrong = False
     for key in ("nominal", "min", "max"):
         if said := _numbers(key, getattr(variable, key), variable):
@@ -53,6 +55,16 @@ def _display(variable: Any) -> tuple[str, str] | None:
         if units.base(shown).exponents != units.base(own).exponents:
             return f"`{shown}` is of another dimension than `{own}`", "such as deg for rad, or mm for m"
     return None
+
+
+def _components(names: Any, shape: tuple[Any, ...]) -> tuple[str, str] | None:
+    """What is wrong with the names of the elements of the first axis."""
+    fix = 'write such as components=("x", "y") for the elements of the first axis'
+    if not isinstance(names, tuple) or not all(isinstance(n, str) and n.strip() and "," not in n for n in names):
+        return f"{names!r} is no tuple of names without commas", fix
+    if len(set(names)) < len(names):
+        return f"{names!r} has a name twice", "name each once"
+    return _count(names, shape, "names", fix) if names else None
 
 
 def _numbers(key: str, given: Any, variable: Any) -> tuple[str, str] | None:

@@ -47,6 +47,8 @@ class Variable:
     for all elements, or one for each element of the first axis. A parameter or start value beyond a limit is an error;
     what is computed, or comes by a wire, is not held to it. display: the unit in which it is best shown. An exported
     FMU hands all of them on.
+
+    components: what the elements of the first axis are called, such as ("x", "y", "heading"); pictures name them.
     """
 
     causality: ClassVar[str]
@@ -66,6 +68,7 @@ class Variable:
         min: Numbers = None,  # noqa: A002  # FMI's words
         max: Numbers = None,  # noqa: A002
         display: Unit = None,
+        components: tuple[str, ...] = (),
     ) -> None:
         self.name = ""
         self.shape = tuple(dimension_of(size) for size in shape)
@@ -78,6 +81,7 @@ class Variable:
         self.min = min
         self.max = max
         self.display = display
+        self.components = components
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name

@@ -114,4 +114,5 @@ def _described(network: Network, signal: Signal) -> Recorded:
         unit=variable.unit,
         description=variable.description,
         causality=variable.causality,
+        components=variable.components,
     )

@@ -26,7 +26,17 @@ from cosim.integrators import REFERENCES, Integration
 from cosim.language import grammar, source
 from cosim.language.embedding import Unfolded, unfold
 from cosim.language.entry import BlockEntry
-from cosim.language.keys import DIAGRAM, METRIC, RECORD, REDUCTIONS, RUN, read_named, read_section, read_value
+from cosim.language.keys import (
+    ANIMATION,
+    DIAGRAM,
+    METRIC,
+    RECORD,
+    REDUCTIONS,
+    RUN,
+    read_named,
+    read_section,
+    read_value,
+)
 from cosim.language.overlay import Change, apply_settings, apply_swaps, layered, read_layers
 from cosim.language.reader import Reader, multiple
 from cosim.language.source import Node, describe
@@ -103,7 +113,7 @@ class Diagram:
     inputs: the ports that each input of the diagram drives where it is a block of another; outputs: the port that each
     output shows. files: all that were read, the diagram's own first. unread: the blocks that mistakes keep from being
     understood, so that a wire to one is no further mistake. swaps: of blocks that are diagrams.
-    extended: the files that it extends.
+    extended: the files that it extends. animation: the signals that are shown moving, by the part that they play.
     """
 
     title: str
@@ -119,6 +129,7 @@ class Diagram:
     unread: set[str]
     swaps: list[Swap]
     extended: list[Path] = field(default_factory=list)
+    animation: dict[str, Node] = field(default_factory=dict)
 
     def resolved(self) -> str:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
@@ -129,6 +140,7 @@ class Diagram:
             "blocks": {name: entry.plain(self.path.parent) for name, entry in self.blocks.items()},
             "metrics": {name: metric.plain() for name, metric in self.metrics.items()},
             "inputs": {name: [node.value for node in nodes] for name, nodes in self.inputs.items()},
+            "animation": {part: node.value for part, node in self.animation.items()},
             "outputs": {name: node.value for name, node in self.outputs.items()},
         }
         if self.record:
@@ -236,9 +248,12 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     record = _record(tree.value["record"], unfolded, run, reader) if "record" in tree.value else None
     metrics = {name: _metric(name, node, unfolded, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}
+    shown = read_section(ANIMATION, sections.get("animation", {}), "animation", reader)
+    moving = {part: unfolded.rewired(node, problems) for part, node in shown.items() if node}
     blocks, inputs, outputs, unread = unfolded.blocks, unfolded.inputs, unfolded.outputs, unfolded.unread
+    swaps, name = unfolded.swaps, title or ""
     return Diagram(
-        title or "", path, files, run, fleets, blocks, record, known, inputs, outputs, unread, unfolded.swaps, extended
+        name, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, swaps, extended, moving
     )
 
 

@@ -268,6 +268,14 @@ METRIC: dict[str, Key] = {
     "from": Key("where its window begins", NUMBER, 0.0, unit="s"),
     "to": Key("where it ends; none: at the end", NUMBER, math.inf, unit="s"),
 }
+ANIMATION: dict[str, Key] = {
+    "positions": Key("where bodies are: (bodies, at least 2)", SIGNAL, example="plant.x"),
+    "references": Key("where they should be", SIGNAL),
+    "radii": Key("of the bodies, in the unit of positions", SIGNAL),
+    "neighbours": Key("whom each hears: numbers from 0, -1 for nobody", SIGNAL),
+    "weights": Key("of what is heard, beside neighbours", SIGNAL),
+}
+"""The parts that signals play where bodies are shown moving."""
 DIAGRAM: dict[str, Key] = {
     "title": Key("what it is called; none: as its file", TEXT),
     "extends": Key("the diagram that this one lies over", TEXT),
@@ -276,6 +284,7 @@ DIAGRAM: dict[str, Key] = {
     "blocks": Key("the blocks, by name", below={ANY: Key("", below=BLOCK)}),
     "record": Key("what is written to the result file", below=RECORD),
     "metrics": Key("figures of the run, by name", below={ANY: Key("", below=METRIC)}),
+    "animation": Key("the signals that `cosim plot --animate` shows, by the part they play", below=ANIMATION),
     "inputs": Key("as a block of another diagram: the ports that each input drives", below=NAMED),
     "outputs": Key("as a block of another diagram: the port that each output shows", below=NAMED),
 }

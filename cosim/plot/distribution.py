@@ -24,9 +24,9 @@ class Distribution:
 
 def draw(layout: Distribution, panels: Mapping[str, Mapping[str, np.ndarray]], output: Path) -> None:
     """A panel for each title, with a line for each group of runs: values (count,) of the metric, NaN where none."""
-    with style.style() as pyplot:
+    with style.style():
         size = (style.WIDTH, 2.6) if len(panels) > 1 else (style.COLUMN * 1.35, 2.6)
-        figure, axes = pyplot.subplots(1, len(panels), figsize=size, squeeze=False, sharex=True, sharey=True)
+        figure, axes = style.subplots(1, len(panels), size, sharex=True, sharey=True)
         for axis, (title, groups) in zip(axes.flat, panels.items(), strict=True):
             _panel(axis, layout, groups)
             axis.set_title(title)

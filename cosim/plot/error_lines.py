@@ -11,8 +11,9 @@ from cosim.plot import style
 
 def draw(steps: Sequence[float], errors: Mapping[str, Sequence[float]], output: Path) -> None:
     """Draw each figure's relative errors at the steps (s); zeros and infinities have no place. Raises: PlotError."""
-    with style.style() as pyplot:
-        figure, axis = pyplot.subplots(figsize=(style.COLUMN * 1.35, 3.2))
+    with style.style():
+        figure, axes = style.subplots(1, 1, (style.COLUMN * 1.35, 3.2))
+        axis = axes[0, 0]
         for k, (name, found) in enumerate(errors.items()):
             points = [(step, error) for step, error in zip(steps, found, strict=True) if 0.0 < error < math.inf]
             axis.loglog(

@@ -1,29 +1,39 @@
-"""The figures that a study describes, read from YAML, and the picture of any run that nobody has described."""
+"""The figures that a study describes, read from YAML."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
-from cosim.language import grammar, source
-from cosim.language.keys import ANY, ANYTHING, NUMBER, POSITIVE, TEXT, TRUTH, Key, choice, count, read_value
+from cosim.language import grammar
+from cosim.language.keys import (
+    ANIMATION,
+    ANY,
+    ANYTHING,
+    NUMBER,
+    POSITIVE,
+    SIGNAL,
+    TEXT,
+    TRUTH,
+    Key,
+    choice,
+    count,
+    read_value,
+)
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import lines, plane, style
 from cosim.plot.distribution import Distribution
 from cosim.plot.lines import Panel
+from cosim.plot.motion import Motion
 from cosim.plot.plane import Plane
 from cosim.results.result_file import Result
 
 HEIGHTS = 0.5, 20.0
 """Inches of one panel: below, its labels do not fit; beyond, it fits no screen and no page."""
-MOST_PANELS = 12
-"""Of a picture of which nobody says what it shows."""
-MOST_CHANNELS = 6
-"""A signal of more channels is no vector in space, and is drawn in one panel."""
 _THRESHOLDS = Key("lines to compare with, by their words", below={ANY: Key("", NUMBER)})
 _KEYS = {
     "lines": {
@@ -39,6 +49,10 @@ _KEYS = {
         "radii": Key("of safe distances around them", ANYTHING),
         "at": Key("the times at which they are marked", ANYTHING, unit="s"),
     },
+    "animation": {
+        "members": Key("which run it shows", ANYTHING),
+        **{part: Key(f"{key.help}; none: as the diagram says", SIGNAL) for part, key in ANIMATION.items()},
+    },
     "distribution": {
         "metric": Key("what is distributed", ANYTHING),
         "label": Key("of its axis", TEXT),
@@ -50,7 +64,7 @@ _KEYS = {
 FIGURE: dict[str, Key] = {
     "kind": Key("of figure", choice(_KEYS)),
     "caption": Key("what stands below it", TEXT),
-    **{name: key for keys in _KEYS.values() for name, key in keys.items()},
+    **{name: key for keys in reversed(_KEYS.values()) for name, key in keys.items()},
 }
 PANEL: dict[str, Key] = {
     "signals": Key("what is drawn, block.port each", ANYTHING),
@@ -63,6 +77,7 @@ PANEL: dict[str, Key] = {
     "derivative": Key("whether derivatives are drawn", TRUTH),
     "limits": Key("of the vertical axis, [least, most]", ANYTHING),
     "span": Key("of the horizontal axis, [first, last]", ANYTHING),
+    "window": Key("the times that are drawn, [first, last]", ANYTHING, unit="s"),
     "thresholds": _THRESHOLDS,
 }
 
@@ -80,21 +95,18 @@ class Figure:
     panels: list[Panel] = field(default_factory=list)
     plane: Plane | None = None
     distribution: Distribution | None = None
+    motion: Motion | None = None
 
     def signals(self) -> list[str]:
         """The names of the signals that it shows, without the elements of them that it takes."""
         shown = [text for panel in self.panels for text in (*panel.signals, panel.over)]
         shown += [self.plane.positions, self.plane.references, self.plane.radii] if self.plane else []
+        shown += self.motion.signals.values() if self.motion else []
         return list(dict.fromkeys(text.partition("[")[0].strip() for text in shown if text))
 
     def draw(self, files: Mapping[str, Path], output: Path) -> None:
-        """Draw it from the members' result files. Raises: PlotError, ResultError."""
-        chosen = self.members or list(files)
-        missing = [name for name in chosen if name not in files]
-        if missing:
-            raise PlotError(f"member `{missing[0]}` has no recorded signals", fix="see in the summary why it failed")
-        if not chosen:
-            raise PlotError("no member has recorded signals", fix="see in the summary why they failed")
+        """Draw it from the members' result files; what moves is no picture. Raises: PlotError, ResultError."""
+        chosen = self._chosen(files)
         with ExitStack() as stack:
             runs = {name: stack.enter_context(Result(files[name])) for name in chosen}
             stack.enter_context(style.style())
@@ -103,6 +115,21 @@ class Figure:
             else:
                 made = lines.draw(runs, self.panels, self.columns, self.height)
             style.save(made, output)
+
+    def moving(self, files: Mapping[str, Path]) -> tuple[Path, Motion]:
+        """The result file and the signals of one that moves. Raises: PlotError."""
+        assert self.motion
+        return files[self._chosen(files)[0]], self.motion
+
+    def _chosen(self, files: Mapping[str, Path]) -> list[str]:
+        """The members that it shows. Raises: PlotError where one has no recorded signals."""
+        chosen = self.members or list(files)
+        missing = [name for name in chosen if name not in files]
+        if missing:
+            raise PlotError(f"member `{missing[0]}` has no recorded signals", fix="see in the summary why it failed")
+        if not chosen:
+            raise PlotError("no member has recorded signals", fix="see in the summary why they failed")
+        return list(chosen)
 
 
 def read(figures: Mapping[str, Node], problems: Problems) -> list[Figure]:
@@ -128,6 +155,9 @@ def _figure(name: str, node: Node, reader: Reader) -> Figure:
         figure.height = _height(entries["height"], f"{where}.height", reader)
     if kind == "plane":
         figure.plane = _plane(node, figure.members, where, reader)
+        return figure
+    if kind == "animation":
+        figure.motion = _motion(entries, figure.members, where, reader)
         return figure
     if kind == "distribution":
         if "metric" not in entries:
@@ -155,10 +185,22 @@ def _plane(node: Node, members: list[str], where: str, reader: Reader) -> Plane:
     at = _numbers(entries.get("at"), f"{where}.at", reader)
     if "at" in entries and entries["at"].value == []:
         reader.wrong(entries["at"], f"`{where}.at` is empty", "name times, such as [0, 10]", WrongValue)
+    _refuse_several(entries, members, where, reader)
+    return Plane(at=at, places=_places(entries), **{"positions": "", **texts})
+
+
+def _motion(entries: Mapping[str, Node], members: Sequence[str], where: str, reader: Reader) -> Motion:
+    _refuse_several(entries, members, where, reader)
+    given = {part: entries[part] for part in ANIMATION if part in entries}
+    read = {part: read_value(ANIMATION[part], node, f"{where}.{part}", reader) for part, node in given.items()}
+    return replace(Motion(), **{part: str(node.value) for part, node in read.items() if node})
+
+
+def _refuse_several(entries: Mapping[str, Node], members: Sequence[str], where: str, reader: Reader) -> None:
+    """Report more than one run where only one can be shown."""
     if len(members) > 1:
         message = f"`{where}` shows bodies of one run, not of {len(members)}"
         reader.wrong(entries["members"], message, f"write members: {members[0]}", WrongValue)
-    return Plane(at=at, places=_places(entries), **{"positions": "", **texts})
 
 
 def _refuse_foreign(entries: Mapping[str, Node], kind: str, where: str, reader: Reader) -> None:
@@ -210,7 +252,7 @@ def _panel(where: str, node: Node, reader: Reader) -> Panel:
         if key in entries:
             setattr(panel, key, read_value(PANEL[key], entries[key], f"{where}.{key}", reader))
     panel.names = _texts(entries.get("names"), f"{where}.names", reader)
-    for key in ("limits", "span"):
+    for key in ("limits", "span", "window"):
         setattr(panel, key, _range(entries.get(key), f"{where}.{key}", reader))
     panel.thresholds = _thresholds(entries, where, reader)
     panel.places = _places(entries)
@@ -251,49 +293,3 @@ def _range(node: Node | None, where: str, reader: Reader) -> tuple[float, float]
         reader.wrong(node, message, "write the lower end first, and then a higher one", WrongValue)
         return None
     return pair[0], pair[1]
-
-
-def default_signals(result: Result) -> list[str]:
-    """What a run's picture shows if nobody says: the recorded signals that its metrics reduce, else all of them.
-
-    Where those are too many for one picture, it shows the outputs among them.
-    """
-    try:
-        tree = source.parse_value(str(result.attrs.get("diagram", "")), Position(str(result.path)))
-        metrics = tree.value.get("metrics", Node({}, tree.position)).plain() if isinstance(tree.value, dict) else {}
-    except Exception:  # noqa: BLE001  # a result of another version: its diagram is no longer understood
-        metrics = {}
-    measured = dict.fromkeys(metric["signal"] for metric in metrics.values() if isinstance(metric, dict))
-    chosen = [name for name in measured if name in result.signals] or list(result.signals)
-    outputs = [name for name in chosen if result.signals[name].causality == "output"]
-    return outputs if outputs and len(chosen) > MOST_PANELS else chosen
-
-
-def plot(paths: Sequence[Path], signals: Sequence[str], output: Path) -> list[str]:
-    """Draw signals of one run, or of several over each other; returns their names. Raises: PlotError, ResultError."""
-    with ExitStack() as stack:
-        stems = [path.stem for path in paths]
-        names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
-        runs = {name: stack.enter_context(Result(path)) for name, path in zip(names, paths, strict=True)}
-        first = next(iter(runs.values()))
-        chosen = list(signals) or default_signals(first)
-        if not chosen:
-            raise PlotError(f"{paths[0]} holds no signals", fix="add `record:` to the diagram")
-        if empty := [path for path, result in zip(paths, runs.values(), strict=True) if not len(result.times)]:
-            raise PlotError(f"{empty[0]} has no samples", fix="its run ended before the first one; run it again")
-        panels = [panel for name in chosen for panel in _panels_of(list(runs.values()), name)]
-        stack.enter_context(style.style())
-        style.save(lines.draw(runs, panels, 2 if len(panels) > 3 else 1), output)
-    return chosen
-
-
-def _panels_of(runs: Sequence[Result], text: str) -> list[Panel]:
-    """The panels of a signal: one, or one for each channel if it has several of many members, in the largest fleet."""
-    shapes = [result.signals[text].shape for result in runs if text in result.signals]
-    shape = max(shapes, default=())
-    if any(other[1:] != shape[1:] for other in shapes):
-        return [Panel([text])]
-    if len(shape) != 2 or shape[0] * shape[1] <= lines.NAMED or shape[1] > MOST_CHANNELS:
-        return [Panel([text])]
-    names = [str(i + 1) for i in range(shape[0])]
-    return [Panel([f"{text}[:,{j + 1}]"], names=names) for j in range(shape[1])]

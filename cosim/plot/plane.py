@@ -17,6 +17,8 @@ from cosim.results.result_file import Result
 _BESIDE = {"references": (2, 2), "radii": (1, 0), "neighbours": (2, 1), "weights": (2, 1)}
 """What goes with bodies: how many axes it has, and how many elements along the second one at least."""
 
+MOST_NUMBERED = 60
+"""Of more bodies, none has its number."""
 HEADING = (0.5, 1.0)
 """From where to where a body's heading is drawn, in radii: its number stands before that."""
 
@@ -70,21 +72,20 @@ def draw(result: Result, plane: Plane) -> Any:
 
     All times are in one picture, unless bodies of different times would cover each other: then each has its own.
     """
-    from matplotlib import pyplot
-
     paths = _Paths(result, plane)
     shown = [int(np.searchsorted(result.times, t - 1e-9)) for t in plane.at or (result.times[0], result.times[-1])]
     shown = list(dict.fromkeys(min(k, len(result.times) - 1) for k in shown))
     if not paths.cover_each_other(shown):
         size = (style.WIDTH, min(max(style.WIDTH * paths.ratio() + 0.6, 2.5), 6.5))
-        figure, axis = pyplot.subplots(figsize=size)
+        figure, grid = style.subplots(1, 1, size)
+        axis = grid[0, 0]
         paths.draw(axis, shown)
         axis.set_title(plane.title)
         axis.margins(0.04)
         axes: list[Any] = [axis]
     else:
         rows = -(-len(shown) // 2)
-        figure, grid = pyplot.subplots(rows, 2, figsize=(style.WIDTH, rows * style.COLUMN + 0.4), squeeze=False)
+        figure, grid = style.subplots(rows, 2, (style.WIDTH, rows * style.COLUMN + 0.4))
         axes = list(grid.flat)
         half = max(paths.reach(k) for k in shown)
         for axis, since, k in zip(axes, [0, *shown], shown, strict=False):
@@ -196,7 +197,8 @@ class Body:
 def bodies(axis: Any, x: np.ndarray, radius: np.ndarray) -> list[Body]:
     """Each body (bodies, at least 2) on the axes."""
     colours = [style.COLOURS[i % len(style.COLOURS)] for i in range(len(x))]
-    return [Body(axis, str(i + 1), x[i], radius[i], colours[i]) for i in range(len(x))]
+    names = [str(i + 1) if len(x) <= MOST_NUMBERED else "" for i in range(len(x))]
+    return [Body(axis, names[i], x[i], radius[i], colours[i]) for i in range(len(x))]
 
 
 def _circles(axis: Any, wanted: np.ndarray, shown: Sequence[int]) -> None:

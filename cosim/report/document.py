@@ -5,7 +5,9 @@ from __future__ import annotations
 import base64
 import platform
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime
 from html import escape
 from importlib import resources
@@ -16,9 +18,11 @@ import numpy as np
 
 from cosim.errors import PlotError, ResultError
 from cosim.machine import files
-from cosim.plot import distribution
+from cosim.plot import animation, distribution, player
+from cosim.plot import motion as motions
 from cosim.plot.figures import Figure
 from cosim.report import words
+from cosim.results.result_file import open_result
 from cosim.results.software_versions import versions
 from cosim.study import file_names, running, text_tables
 from cosim.study.dataset import scalar
@@ -31,21 +35,40 @@ from cosim.study.text_tables import TextTable
 HEAD_BYTES = 4096  # of a page, in which it says what made it
 
 
-def write(path: Path, studies: Sequence[Results], pictures: str = "") -> None:
-    """Write the report of some studies that have been run, in the place of an older one.
+@dataclass(frozen=True)
+class Pictures:
+    """Figures as files beside the page. formats: of each. folder: where; None for that of its study's results.
 
-    pictures: a format in which every figure is written as a file too, in its study's folder.
+    apart: whether each study has a folder of its own in it.
+    """
+
+    formats: tuple[str, ...] = ()
+    folder: Path | None = None
+    apart: bool = False
+
+    def files(self, results: Results, figure: Figure) -> list[Path]:
+        """The files of one figure; of one that moves, a film."""
+        kinds = (animation.film(),) if figure.motion and self.formats else self.formats
+        stem = file_names.stem(figure.name)
+        folder = self.folder / (results.folder.name if self.apart else "") if self.folder else results.folder
+        return [folder / f"{stem}.{kind}" for kind in kinds]
+
+
+def write(path: Path, studies: Sequence[Results], pictures: Pictures = Pictures()) -> list[Path]:
+    """Write the report of some studies that have been run, in the place of an older one; returns the figures' files.
+
     Raises: ResultError, PlotError.
     """
     title = studies[0].study.title if len(studies) == 1 else "Report"
     sections = [_section(results, pictures) for results in studies]
+    moving = any(figure.motion for results in studies for figure in results.study.figures)
     links = [f'<a href="#{_anchor(results)}">{escape(results.study.title)}</a>' for results in studies]
     page = Template(resources.files("cosim.report").joinpath("template.html").read_text(encoding="utf-8"))
     text = page.substitute(
         title=escape(title),
         facts=escape(_facts()),
         contents="".join(links) if len(links) > 1 else "",
-        sections="\n".join(sections),
+        sections="\n".join([*sections, player.script()] if moving else sections),
     )
     refuse_foreign(path)
     try:
@@ -56,6 +79,7 @@ def write(path: Path, studies: Sequence[Results], pictures: str = "") -> None:
         raise ResultError(
             f"cannot write {path}: {error.strerror}", fix="choose a folder that you may write to"
         ) from None
+    return [file for results in studies for figure in results.study.figures for file in pictures.files(results, figure)]
 
 
 def refuse_foreign(path: Path) -> None:
@@ -77,7 +101,7 @@ def _anchor(results: Results) -> str:
     return escape(results.study.path.stem)
 
 
-def _section(results: Results, pictures: str) -> str:
+def _section(results: Results, pictures: Pictures) -> str:
     study, rows = results.study, list(results.rows())
     parts = [f'<section id="{_anchor(results)}"><h2>{escape(study.title)}</h2>']
     if study.description:
@@ -119,37 +143,59 @@ def _beside(results: Results, rows: list[Row]) -> TextTable:
     return TextTable("", ["variant", "metric", "here", *origins, *(f"here / {o}" for o in origins)], lines)
 
 
-def _pictures(results: Results, rows: list[Row], pictures: str) -> list[str]:
+def _pictures(results: Results, rows: list[Row], pictures: Pictures) -> list[str]:
     """Every figure of the study, inlined, and as a file if that is wanted."""
     recorded = results.files() if results.study.records else {}
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for figure in results.study.figures:
-            if pictures:
-                _draw(figure, results, rows, recorded, results.kept_in / f"{file_names.stem(figure.name)}.{pictures}")
-            file = Path(folder) / "figure.svg"
-            _draw(figure, results, rows, recorded, file)
-            found.append(_picture(figure, file))
+            for file in pictures.files(results, figure):
+                _draw(figure, results, rows, recorded, file)
+            if figure.motion:
+                found.append(_figure(figure, _player(figure, recorded)))
+                continue
+            inline = Path(folder) / f"figure{len(found)}.svg"
+            _draw(figure, results, rows, recorded, inline)
+            data = base64.b64encode(inline.read_bytes()).decode()
+            text = escape(f"{figure.name}. {figure.caption}", quote=True)
+            found.append(_figure(figure, f'<img src="data:image/svg+xml;base64,{data}" alt="{text}">'))
     return found
 
 
 def _draw(figure: Figure, results: Results, rows: list[Row], recorded: dict[str, Path], file: Path) -> None:
     """Draw a figure. Raises: PlotError, at the figure's place in the study."""
-    try:
-        if figure.distribution:
+    with _placed(figure):
+        if figure.motion:
+            path, motion = figure.moving(recorded)
+            with open_result(path) as result:
+                animation.animate(result, motion, file)
+        elif figure.distribution:
             distribution.draw(figure.distribution, _groups(results.study, rows, figure.distribution.metric), file)
         else:
             figure.draw(recorded, file)
+
+
+def _player(figure: Figure, recorded: dict[str, Path]) -> str:
+    """A figure that moves, as a player. Raises: PlotError, at the figure's place in the study."""
+    with _placed(figure):
+        path, motion = figure.moving(recorded)
+        with open_result(path) as result:
+            moving = motions.read(result, motions.find(result, motion))
+        return player.fragment(moving, f"{figure.name}. {figure.caption}")
+
+
+@contextmanager
+def _placed(figure: Figure) -> Iterator[None]:
+    """What cannot be drawn is told at the figure's place in the study."""
+    try:
+        yield
     except PlotError as error:
         position = error.position or figure.position
         raise PlotError(f"`figures.{figure.name}`: {error.message}", position, error.fix) from None
 
 
-def _picture(figure: Figure, file: Path) -> str:
-    data = base64.b64encode(file.read_bytes()).decode()
-    text = f"{figure.name}. {figure.caption}"
-    image = f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(text, quote=True)}">'
-    return f"<figure>{image}<figcaption><b>{escape(figure.name)}.</b> {escape(figure.caption)}</figcaption></figure>"
+def _figure(figure: Figure, shown: str) -> str:
+    return f"<figure>{shown}<figcaption><b>{escape(figure.name)}.</b> {escape(figure.caption)}</figcaption></figure>"
 
 
 def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, dict[str, np.ndarray]]:

@@ -17,6 +17,8 @@ from cosim.errors import ResultError
 from cosim.results.recorded import Recorded
 
 NOT_A_VARIABLE = "This is a netCDF dimension but not a netCDF variable."  # with the size, %10d: netCDF-4's own mark
+SEPARATOR = ", "
+"""Between the names of a signal's components."""
 CHUNK_BYTES = 64 * 1024
 CHUNK_ROWS = 1024
 TIME = {"units": "s", "long_name": "simulated time", "axis": "T"}
@@ -55,7 +57,10 @@ def described(variable: Any) -> Recorded:
     about = variable.attrs
     dtype = np.dtype(bool) if about.get("dtype") == "bool" else variable.dtype
     fleet, description, causality = (about.get(key, "") for key in ("fleet", "long_name", "causality"))
-    return Recorded(about["signal"], variable.shape[1:], dtype, fleet, about.get("units"), description, causality)
+    names = tuple(about["components"].split(SEPARATOR)) if "components" in about else ()
+    return Recorded(
+        about["signal"], variable.shape[1:], dtype, fleet, about.get("units"), description, causality, names
+    )
 
 
 def netcdf_name(name: str) -> str:
@@ -123,6 +128,7 @@ def attributes_of(signal: Recorded) -> dict[str, str]:
     units = signal.unit if isinstance(signal.unit, tuple) else (signal.unit or "",)
     about = {"signal": signal.name, "units": ", ".join(units if len(set(units)) > 1 else units[:1])}
     about |= {"long_name": signal.description, "causality": signal.causality, "fleet": signal.fleet}
+    about |= {"components": SEPARATOR.join(signal.components)}
     return {key: text for key, text in about.items() if text}
 
 

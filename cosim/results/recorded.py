@@ -14,7 +14,8 @@ Array = NDArray[Any]
 class Recorded:
     """One recorded signal.
 
-    name: `block.port`. shape: of one sample, the fleet's axis first if the block is one `per:` fleet.
+    name: `block.port`. shape: of one sample, the fleet's axis first if the block is one `per:` fleet. components: what
+    the elements of its first own axis are called.
     """
 
     name: str
@@ -24,3 +25,4 @@ class Recorded:
     unit: str | tuple[str, ...] | None = None
     description: str = ""
     causality: str = "output"
+    components: tuple[str, ...] = ()

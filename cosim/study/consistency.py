@@ -63,7 +63,7 @@ def _paths(study: Study, problems: Problems) -> None:
                 f": `{one}` and `{two}`" if one != two else f" `{one}`"
             )
             problems.add(WrongValue(message, place, "remove one of them"))
-    for variant in study.variants.values():
+    for variant in (*study.variants.values(), *(change for axis in study.grid for change in axis.changes)):
         for path, node in variant.settings.items():
             wins = [name for other, name, _ in setters if _within(path, other)]
             if wins:
@@ -86,6 +86,9 @@ def _within(path: str, other: str) -> bool:
 def _axes(study: Study, problems: Problems) -> None:
     seen: dict[str, Position] = {}
     for axis in study.grid:
+        if axis.name in OWN:
+            message = f"no axis of the grid can be called `{axis.name}`, which the data set has already"
+            problems.add(WrongValue(message, axis.node.place, "give it another name"))
         if axis.name in seen:
             message = f"two axes of the grid are called `{axis.name}`"
             problems.add(WrongValue(message, axis.node.place, "rename the block"))

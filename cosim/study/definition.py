@@ -42,17 +42,22 @@ class Variant:
 
 @dataclass(frozen=True)
 class GridAxis:
-    """One axis of the grid: the dotted paths that take its values together."""
+    """One axis of the grid: the dotted paths that take its values together, or changes of the diagram by name.
+
+    names: what the values are called, if that is said. changes: as variants are, of which `values` are the names.
+    """
 
     name: str
     paths: tuple[str, ...]
     values: tuple[Any, ...]
     node: Node
+    names: tuple[str, ...] = ()
+    changes: tuple[Variant, ...] = ()
 
     @property
     def numeric(self) -> bool:
-        """Whether all values are numbers."""
-        return all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
+        """Whether all values are numbers without names."""
+        return not self.names and all(isinstance(v, int | float) and not isinstance(v, bool) for v in self.values)
 
     def settings(self, at: int) -> tuple[tuple[str, Any], ...]:
         """What the value of that number sets, by path."""
@@ -61,6 +66,8 @@ class GridAxis:
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """The values as text: numbers with 12 digits, or with all where that does not tell two apart."""
+        if self.names:
+            return self.names
         short = tuple(_label(value, ".12g") for value in self.values)
         return short if len(set(short)) == len(short) else tuple(_label(value, ".17g") for value in self.values)
 
@@ -121,7 +128,7 @@ class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
     statistic: one of STATISTICS, or a quantile from 0 to 1; None for that of OVER_RUNS. above, below: the share of runs
-    beyond a limit instead.
+    beyond a limit instead. deviation: whether the standard deviation stands behind it, which is a mean then.
     """
 
     heading: str
@@ -130,6 +137,7 @@ class TableColumn:
     above: float | None = None
     below: float | None = None
     format: str = ".3g"
+    deviation: bool = False
 
 
 @dataclass(frozen=True)

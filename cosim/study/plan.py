@@ -79,6 +79,12 @@ def find(study: Study, draws: Draws | None, name: str) -> Member:
     raise UnknownSetting(f"the study has no member `{name}`", fix=fix)
 
 
+def crossings(study: Study) -> list[tuple[tuple[str, str], ...]]:
+    """Every choice among the variants that the study's own are crossed with, as settings; one empty one if none are."""
+    axes = [[(axis.paths[0], change.name) for change in axis.changes] for axis in study.grid if axis.changes]
+    return list(itertools.product(*axes))
+
+
 def grid_settings(study: Study, point: tuple[int, ...]) -> tuple[tuple[str, Any], ...]:
     """What a point of the grid sets."""
     return tuple(pair for axis, at in zip(study.grid, point, strict=True) for pair in axis.settings(at))

@@ -87,7 +87,7 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     if "diagram" not in tree.value and {"blocks", "extends"} & set(tree.value):
         key = next(key for key in ("blocks", "extends") if key in tree.value)
         raise WrongFile(f"`{path}` is a diagram, not a study", tree.value[key].place, f"cosim run {path}")
-    tree = grammar.conform(_empty_variants(tree), reader.problems, STUDY, "study")
+    tree = grammar.conform(grid_section.with_empty_variants(tree), reader.problems, STUDY, "study")
     sections = tree.value
     if "diagram" not in sections:
         raise MissingKey("the study names no diagram", tree.position, "write diagram: ../formation.yaml")
@@ -105,15 +105,6 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study.figures = figures.read(_entries(sections, "figures"), reader.problems)
     consistency.check(study, _entries(sections, "variants"), reader.problems)
     return study
-
-
-def _empty_variants(tree: Node) -> Node:
-    """A variant of which nothing is said, `name:`, is the diagram as it is."""
-    variants = tree.value.get("variants")
-    if variants is None or not isinstance(variants.value, dict):
-        return tree
-    filled = {k: replace(n, value={}) if n.value is None else n for k, n in variants.value.items()}
-    return replace(tree, value={**tree.value, "variants": replace(variants, value=filled)})
 
 
 def _entries(sections: Mapping[str, Node], key: str) -> dict[str, Node]:

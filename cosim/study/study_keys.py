@@ -30,6 +30,16 @@ VARIANT: dict[str, Key] = {
     "set": Key("values to set, by path, as of --set", below=NAMED, layer=True),
     **OVERLAY,
 }
+AXIS: dict[str, Key] = {
+    "path": Key("what it sets; several with commas between", TEXT),
+    "values": Key("a list, {linspace: …}, {geomspace: …}, {range: …}, or values by name", ANYTHING),
+}
+CROSSED: dict[str, Key] = {
+    "variants": Key(
+        "changes of the diagram, by name, crossed with all others",
+        below={ANY: Key("", below={name: key for name, key in VARIANT.items() if name != "diagram"})},
+    ),
+}
 RANDOM: dict[str, Key] = {
     "count": Key("how many draws of each variant and grid point", count(plan.MOST_MEMBERS), example="100"),
     "seed": Key("whole number from 0; the same gives the same draws", ANYTHING, 0),
@@ -43,7 +53,7 @@ BOUNDS: dict[str, Key] = {
 }
 COLUMN: dict[str, Key] = {
     "metric": Key("which metric", ANYTHING),
-    "over": Key("how draws are reduced: a statistic, or a quantile from 0 to 1", ANYTHING),
+    "over": Key("how draws are reduced: a statistic, a quantile from 0 to 1, or [mean, std]", ANYTHING),
     "above": Key("the share of runs above this limit instead", NUMBER),
     "below": Key("the share of runs below this limit instead", NUMBER),
     "format": Key("of its numbers, such as .2e", ANYTHING),
@@ -64,7 +74,7 @@ STUDY: dict[str, Key] = {
     "description": Key("what it is about, in words", TEXT, ""),
     "diagram": Key("the diagram that it is about", TEXT, example="../formation.yaml"),
     "variants": Key("changes of the diagram, by name", below={ANY: Key("", below=VARIANT)}),
-    "grid": Key("lists of values, by path", below=NAMED),
+    "grid": Key("lists of values, by path; or by a name: {path, values}, or {variants}", below=NAMED),
     "random": Key("what is drawn at random", below=RANDOM),
     "metrics": Key("names of those to keep, or definitions of further ones", ANYTHING),
     "record": Key("true, or what is recorded of each run", ANYTHING),

@@ -64,12 +64,17 @@ def _column(where: str, heading: str, node: Node, reader: Reader) -> TableColumn
         reader.problems.add(MissingKey(f"`{where}` names no metric", node.place, "write {metric: N_x}"))
         return None
     limits = {key: read_value(COLUMN[key], entries[key], where, reader) for key in ("above", "below") if key in entries}
-    statistic = _statistic(where, entries["over"], reader) if "over" in entries else None
+    both = "over" in entries and _is_mean_and_deviation(entries["over"])
+    statistic = "mean" if both else _statistic(where, entries["over"], reader) if "over" in entries else None
     if limits and "over" in entries:
         message = f"`{where}`: beside `{next(iter(limits))}` nothing is reduced by `over`, as a share is counted"
         reader.wrong(entries["over"], message, f"remove `over`, or `{' and '.join(limits)}`", WrongValue)
     style = _format(where, entries["format"], reader) if "format" in entries else (".1%" if limits else ".3g")
-    return TableColumn(heading, entries["metric"], statistic, limits.get("above"), limits.get("below"), style)
+    return TableColumn(heading, entries["metric"], statistic, limits.get("above"), limits.get("below"), style, both)
+
+
+def _is_mean_and_deviation(node: Node) -> bool:
+    return isinstance(node.value, list) and [item.value for item in node.value] == ["mean", "std"]
 
 
 def _statistic(where: str, node: Node, reader: Reader) -> str | float:
@@ -79,6 +84,9 @@ def _statistic(where: str, node: Node, reader: Reader) -> str | float:
         message = f"`{where}.over` takes a quantile from 0 to 1, not {describe(node)}"
         reader.wrong(node, message, f"{node.value / 100:g} is the {node.value:g} % quantile", WrongValue)
         return 1.0
+    if isinstance(node.value, list):
+        reader.wrong(node, f"`{where}.over` takes two statistics as [mean, std] only", "write over: [mean, std]")
+        return "mean"
     return reader.choice(node, f"{where}.over", STATISTICS)
 
 

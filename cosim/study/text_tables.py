@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -12,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import ResultError
 from cosim.language.source import Node
 from cosim.results.metrics import REDUCTIONS, reduction
-from cosim.study import file_names
 from cosim.study.dataset import metric_names, scalar
 from cosim.study.definition import OVER_RUNS, Study, TableColumn, TableLayout
 from cosim.study.member_run import Row
@@ -26,7 +22,7 @@ from cosim.study.running import FAILED, Results
 class TextTable:
     """A table as text, and its cells as numbers: values[row][column], None where there is none.
 
-    notes: sentences to be read with it.
+    notes: sentences to be read with it. deviations: as the values, of those that are means with ± behind them.
     """
 
     title: str
@@ -34,6 +30,12 @@ class TextTable:
     rows: list[list[str]]
     values: list[list[float | None]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    deviations: list[list[float | None]] = field(default_factory=list)
+
+    @property
+    def labels(self) -> int:
+        """How many columns, from the left, say what a row is."""
+        return len(self.head) - len(self.values[0]) if self.values else 1
 
 
 def tables(results: Results) -> list[TextTable]:
@@ -42,36 +44,6 @@ def tables(results: Results) -> list[TextTable]:
     study, reductions = results.study, results.reductions
     layouts = study.tables or (_default(study, rows),)
     return [_table(layout, study, rows, reductions) for layout in layouts]
-
-
-def write(results: Results, made: Sequence[TextTable]) -> None:
-    """Write each table as CSV, with all digits, and as Markdown, beside the study's data set. Raises: ResultError."""
-    for table in made:
-        path = results.kept_in / f"{file_names.stem(table.title)}.md"
-        try:
-            path.write_text(markdown(table), encoding="utf-8")
-            path = path.with_suffix(".csv")
-            with path.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow(table.head)
-                labels = len(table.head) - len(table.values[0]) if table.values else 0
-                for texts, values in zip(table.rows, table.values, strict=True):
-                    writer.writerow([*texts[:labels], *values])
-        except OSError as error:
-            fix = "choose a folder that you may write to"
-            raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
-
-
-def markdown(table: TextTable) -> str:
-    """The table in Markdown."""
-    text = io.StringIO()
-    lines = [table.head, ["---"] * len(table.head), *table.rows]
-    text.write(f"**{table.title}**\n\n")
-    for line in lines:
-        text.write("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n")
-    for note in table.notes:
-        text.write(f"\n{note}\n")
-    return text.getvalue()
 
 
 def _default(study: Study, rows: list[Row]) -> TableLayout:
@@ -88,18 +60,20 @@ def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mappi
         groups.setdefault(tuple(_at(study, row, dimension) for dimension in layout.rows), []).append(row)
     several = any(len(group) > 1 for group in groups.values())
     values = [[cell(column, group) for column in columns] for group in groups.values()]
-    texts = [[_text(v, c) for v, c in zip(line, columns, strict=True)] for line in values]
+    off = [[deviation(column, group) for column in columns] for group in groups.values()]
+    cells = [zip(line, around, columns, strict=True) for line, around in zip(values, off, strict=True)]
+    texts = [[_text(value, around, column) for value, around, column in line] for line in cells]
     headings = [heading(column) if several else column.heading for column in columns]
     head = [*layout.rows, *headings]
     labels = [[label(study, group[0], dimension) for dimension in layout.rows] for group in groups.values()]
     notes = [*_notes(rows, several), *_arrays(columns, rows)]
     if not layout.transpose:
         lines = [[*own, *line] for own, line in zip(labels, texts, strict=True)]
-        return TextTable(layout.title, head, lines, values, notes)
+        return TextTable(layout.title, head, lines, values, notes, off)
     across = [", ".join(own) for own in labels]
     lines = [[text, *(line[k] for line in texts)] for k, text in enumerate(headings)]
-    turned = [[line[k] for line in values] for k in range(len(columns))]
-    return TextTable(layout.title, ["", *across], lines, turned, notes)
+    turned, around = ([[line[k] for line in grid] for k in range(len(columns))] for grid in (values, off))
+    return TextTable(layout.title, ["", *across], lines, turned, notes, around)
 
 
 def _notes(rows: list[Row], several: bool) -> list[str]:
@@ -130,6 +104,8 @@ def heading(column: TableColumn) -> str:
     """A column's heading with the name of its statistic, unless it says it already."""
     if column.above is not None or column.below is not None:
         name = "share"
+    elif column.deviation:
+        name = "mean ± std"
     elif isinstance(column.statistic, float):
         name = f"{100 * column.statistic:g} % quantile"
     else:
@@ -150,6 +126,12 @@ def cell(column: TableColumn, rows: list[Row]) -> float | None:
     if not numbers.size:
         return None
     return _statistic("max" if column.statistic is None else column.statistic, numbers)
+
+
+def deviation(column: TableColumn, rows: list[Row]) -> float | None:
+    """The standard deviation of a column that has one, as of `std`: over all runs; None of fewer than two."""
+    numbers = [n for row in rows if (n := scalar(row["metrics"].get(str(column.metric.value)))) is not None]
+    return _statistic("std", np.array(numbers)) if column.deviation and len(numbers) > 1 else None
 
 
 def _statistic(name: str | float, numbers: np.ndarray) -> float:
@@ -195,5 +177,8 @@ def _at(study: Study, row: Row, dimension: str) -> Any:
     return row["grid"][[axis.name for axis in study.grid].index(dimension)]
 
 
-def _text(value: float | None, column: TableColumn) -> str:
-    return "—" if value is None else format(value, column.format)
+def _text(value: float | None, around: float | None, column: TableColumn) -> str:
+    if value is None:
+        return "—"
+    text = format(value, column.format)
+    return text if around is None else f"{text} ± {format(around, column.format)}"

@@ -104,7 +104,9 @@ class Variants:
         self.study = study
         self._templates: dict[str, Template] = {}
         self._bases: dict[str, Network] = {}
-        self._trees: dict[str, tuple[Node, list[Path]]] = {}
+        self._trees: dict[tuple[str, ...], tuple[Node, list[Path]]] = {}
+        self._changes = {(axis.paths[0], change.name): change for axis in study.grid for change in axis.changes}
+        self._crossed = {path for path, _ in self._changes}
         self._lock = threading.Lock()
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
         random = {path: d.node.place for d in study.random.draws for path in d.paths} if study.random else {}
@@ -119,6 +121,8 @@ class Variants:
         for name in self.study.variants:
             try:
                 self.base(name)
+                for chosen in plan.crossings(self.study)[1:]:
+                    self.wire(name, chosen)
             except CosimError as error:
                 problems.add(error)
         problems.raise_if_any()
@@ -139,9 +143,9 @@ class Variants:
         return not any(has_foreign(self.base(name)) for name in self.study.variants)
 
     def base(self, variant: str) -> Network:
-        """A variant as it is without grid and draws. Raises: DiagramErrors."""
+        """A variant without grid and draws, with the first of those that it is crossed with. Raises: DiagramErrors."""
         if variant not in self._bases:
-            self._bases[variant] = self.wire(variant, ())
+            self._bases[variant] = self.wire(variant, plan.crossings(self.study)[0])
         return self._bases[variant]
 
     def draws(self) -> Draws | None:
@@ -193,8 +197,11 @@ class Variants:
     def wire(self, variant: str, settings: Settings) -> Network:
         """A member through the diagram's own layers, all of it. Raises: DiagramErrors."""
         problems = Problems()
-        tree, files = self._tree(self.study.variants[variant], problems)
+        changes = [self._changes[pair] for pair in settings if pair[0] in self._crossed]
+        tree, files = self._tree((self.study.variants[variant], *changes), problems)
         for path, value in settings:
+            if path in self._crossed:
+                continue
             try:
                 tree = overlay.set_value(tree, path, as_node(value, self.positions[path]), self.positions[path])
             except CosimError as error:
@@ -202,21 +209,18 @@ class Variants:
         with library.offering(self.study.classes):
             return resolution.wire(diagram.build(tree, files, problems), problems)
 
-    def _tree(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:
-        """A variant's layers, merged; with the study's metrics, and with the recording that it asks for."""
-        if variant.name not in self._trees:
+    def _tree(self, changes: tuple[Variant, ...], problems: Problems) -> tuple[Node, list[Path]]:
+        """Layers of a variant and of those crossed with it; with the study's metrics, and the recording it asks for."""
+        variant, names = changes[0], tuple(change.name for change in changes)
+        if names not in self._trees:
             tree, files = self._layers(variant, problems)
             if diagram.is_study(tree):
                 message = f"`{variant.diagram}` is a study, not a diagram"
                 raise WrongFile(message, variant.diagram_position, "name a diagram, such as the one of that study")
-            if variant.overlay:
-                tree = overlay.merge(tree, variant.overlay)
-            for block, node in variant.swaps.items():
-                tree = overlay.swap_type(tree, block, node)
-            for path, node in variant.settings.items():
-                tree = overlay.set_value(tree, path, node, node.place)
-            self._trees[variant.name] = self._measured(tree), files
-        return self._trees[variant.name]
+            for change in changes:
+                tree = _changed(tree, change)
+            self._trees[names] = self._measured(tree), files
+        return self._trees[names]
 
     def _layers(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:
         if variant.layers:
@@ -266,6 +270,17 @@ class Variants:
         except ValueError:
             message = f"`{path}` has the shape {shape}, and its draw the shape {drawn}"
             raise WrongShape(message, place, "give one number for all elements, or one for each") from None
+
+
+def _changed(tree: Node, change: Variant) -> Node:
+    """A diagram with one variant's overlay, swaps and settings on top. Raises: CosimError."""
+    if change.overlay:
+        tree = overlay.merge(tree, change.overlay)
+    for block, node in change.swaps.items():
+        tree = overlay.swap_type(tree, block, node)
+    for path, node in change.settings.items():
+        tree = overlay.set_value(tree, path, node, node.place)
+    return tree
 
 
 class _Beginnings:

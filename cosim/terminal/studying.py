@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, ResultError
-from cosim.study import dataset, file_names, running, study_file, text_tables
+from cosim.study import dataset, file_names, running, study_file, table_files, text_tables
 from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
@@ -63,7 +63,7 @@ def run(path: Path, options: argparse.Namespace) -> Results:
             print(f"came as far as {so_far}; {kept}", file=sys.stderr)
             raise
     dataset.write(folder / "study.nc", results)
-    text_tables.write(results, text_tables.tables(results))
+    table_files.write(results, text_tables.tables(results))
     return results
 
 

@@ -1,4 +1,4 @@
-"""The signals that a diagram names beside its wires: recorded, reduced to metrics, and shown or driven from outside."""
+"""The signals that a diagram names beside its wires: recorded, reduced, animated, and shown or driven from outside."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ def check(draft: Draft) -> None:
     diagram = draft.diagram
     recorded = [_known(draft, node) for node in (diagram.record.signals if diagram.record else ())]
     for node in diagram.outputs.values():
+        _known(draft, node)
+    for node in diagram.animation.values():
         _known(draft, node)
     for node in (node for nodes in diagram.inputs.values() for node in nodes):
         _check_own_input(draft, node)

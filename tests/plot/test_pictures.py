@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import PlotError
-from cosim.plot import figures, lines, plane, style
+from cosim.plot import figures, legends, lines, plane, signal_plot, style
 from cosim.plot.signals import curves, read
 from cosim.results.recorded import Recorded
 from cosim.results.result_file import Result, open_result
@@ -34,7 +34,11 @@ def result(tmp_path):
         "test.error": 10.0 ** (2 - times),
     }
     units = {"plant.x": ("m", "m", "rad"), "test.error": "m/s2"}
-    signals = [Recorded(n, v.shape[1:], v.dtype, unit=units.get(n)) for n, v in samples.items()]
+    names = {"plant.x": ("x", "y", "heading")}
+    signals = [
+        Recorded(n, v.shape[1:], v.dtype, "" if v.ndim < 2 else "robot", units.get(n), components=names.get(n, ()))
+        for n, v in samples.items()
+    ]
     path = tmp_path / "run.nc"
     with ResultWriter(path, signals, {"diagram": DIAGRAM}) as writer:
         writer.append(times, samples)
@@ -75,7 +79,12 @@ def test_chosen_signals_and_several_results(result, tmp_path):
         (["--signals", "plant.y"], "has no signal `plant.y`"),
         (["--signals", "plant.x[9,9]"], "no such element"),
         (["-o", "picture.bmp"], "pictures are png, svg, pdf"),
-        (["--animate", "-o", "picture.mp3"], "animations are gif, html"),
+        (["--animate", "-o", "picture.mp3"], "animations are mp4, gif, html"),
+        (["--signals", "plant.x over plant.x over plant.x"], "has two `over`"),
+        (["--signals", "test.error over plant.x"], "has 9 elements, and there are 1 lines"),
+        (["--from", "7"], "there is nothing to draw from 7 to inf s"),
+        (["--from", "3", "--to", "2"], "there is nothing to draw from 3 to 2 s"),
+        (["--signals", "test.eror"], "did you mean `test.error`"),
         (["--animate", "--radii", "plant.x"], "`plant.x` has the shape (3, 3), and cannot be the radii of 3 bodies"),
         (["--animate", "--references", "test.error"], "cannot be the references of 3 bodies"),
         (["--animate", "--neighbours", "plant.x"], "`plant.x` has no numbers of 3 bodies"),
@@ -101,7 +110,8 @@ def test_axes_carry_names_units_and_a_scale_that_fits(result):
         assert error.get_ylabel() == "test.error (m s$^{-2}$)"
         assert positions.get_yscale() == "linear"
         assert positions.get_xlabel() == "time (s)"
-        assert [t.get_text() for t in positions.get_legend().get_texts()] == ["plant.x[1,1]", "plant.x[2,1]"]
+        assert [t.get_text() for t in positions.get_legend().get_texts()] == ["robot 1", "robot 2"]
+        assert positions.get_ylabel() == "plant.x, x (m)"
         looks = {(line.get_color(), line.get_linestyle()) for line in positions.get_lines()}
         assert len(looks) == 3
 
@@ -121,22 +131,6 @@ def test_a_jump_has_no_slope():
     away = np.abs(x - 0.5) > 0.02
     assert np.allclose(slope[away][1:-1], 2 * x[away][1:-1], atol=1e-9)
     assert np.nanmin(slope) > -0.1
-
-
-@pytest.mark.parametrize(("kind", "magic"), [("gif", b"GIF89a"), ("html", b"<!doctype html>")])
-def test_animations_move(result, tmp_path, kind, magic):
-    from cosim.plot import animation
-
-    output = tmp_path / f"robots.{kind}"
-    with open_result(result) as opened:
-        animation.animate(opened, animation.Motion(), output, seconds=1, frames=5)
-    data = output.read_bytes()
-    assert data.lstrip().startswith(magic)
-    if kind == "gif":
-        from PIL import Image
-
-        with Image.open(output) as image:
-            assert image.n_frames == 5
 
 
 def renamed(result, names, tmp_path):
@@ -179,16 +173,7 @@ def test_parts_of_an_animation_can_be_named_and_left_out(result, tmp_path, capsy
     assert capsys.readouterr().out.startswith("positions plant.pose, neighbours topology.neighbours\n")
     page = (tmp_path / "a.html").read_text()
     assert not re.search("https?:", page)
-    assert page.count("data:image/png;base64,") == 61
-
-
-def test_each_frame_shows_its_own_time(result):
-    from cosim.plot import animation
-
-    with open_result(result) as opened:
-        scene = animation._Scene(opened, animation.find(opened, animation.Motion()))
-        first, again, last = animation._pictures(scene, np.array([0, 0, 60]))
-    assert first.tobytes() == again.tobytes() != last.tobytes()
+    assert 'class="player"' in page
 
 
 def drawn(runs, panels, columns=1):
@@ -207,23 +192,22 @@ def test_a_scale_is_the_same_with_a_second_run(result, tmp_path):
 
 def test_channels_of_many_members_have_panels_units_and_names_of_their_own(result, tmp_path):
     with open_result(result) as opened, style.style():
-        panels = figures._panels_of([opened], "plant.x")
-        made = lines.draw({"run": opened}, panels)
+        made = signal_plot.plot(opened, "plant.x")
         labels = [axis.get_ylabel() for axis in made.axes]
         (legend,) = made.legends
-    assert labels == ["plant.x[:,1] (m)", "plant.x[:,2] (m)", "plant.x[:,3] (rad)"]
-    assert [text.get_text() for text in legend.get_texts()] == ["1", "2", "3"]
+    assert labels == ["plant.x, x (m)", "plant.x, y (m)", "plant.x, heading (rad)"]
+    assert [text.get_text() for text in legend.get_texts()] == ["robot 1", "robot 2", "robot 3"]
 
 
 def test_units_that_differ_stand_at_the_lines(result):
     with open_result(result) as opened, style.style():
         (axis,) = drawn({"run": opened}, [lines.Panel(["plant.x[1]"])])
-        assert axis.get_ylabel() == "plant.x[1]"
+        assert axis.get_ylabel() == "plant.x, robot 1"
         names = [text.get_text() for text in axis.get_legend().get_texts()]
-    assert names == ["plant.x[1,1] (m)", "plant.x[1,2] (m)", "plant.x[1,3] (rad)"]
+    assert names == ["x (m)", "y (m)", "heading (rad)"]
 
 
-@pytest.mark.parametrize(("count", "legend"), [(9, True), (lines.LISTED, True), (lines.LISTED + 1, False)])
+@pytest.mark.parametrize(("count", "legend"), [(9, True), (legends.LISTED, True), (legends.LISTED + 1, False)])
 def test_many_lines_have_a_legend_or_their_number(tmp_path, count, legend):
     path = tmp_path / "many.nc"
     with ResultWriter(path, [Recorded("many.y", (count,))], {}) as writer:
@@ -273,8 +257,8 @@ def test_positions_may_have_no_heading(tmp_path, capsys):
 
 
 def test_a_heading_ends_at_the_rim_and_leaves_the_number_free():
-    with style.style() as pyplot:
-        body = plane.Body(pyplot.gca(), "1", np.array([1.0, 2.0, np.pi / 2]), 0.4, "#000000")
+    with style.style():
+        body = plane.Body(style.subplots(1, 1, (3, 3))[1][0, 0], "1", np.array([1.0, 2.0, np.pi / 2]), 0.4, "#000000")
         (heading,) = (artist for artist in body.artists if hasattr(artist, "get_xydata"))
         np.testing.assert_allclose(heading.get_xydata(), [[1.0, 2.2], [1.0, 2.4]])
 
@@ -348,7 +332,7 @@ def test_mistakes_in_figures_are_reported(text, message):
 @pytest.mark.parametrize(
     ("text", "key", "message"),
     [
-        ("{panels: [{signals: test.error, over: plant.x}]}", "over", "`plant.x` has 9 elements, and lines are"),
+        ("{panels: [{signals: test.error, over: plant.x}]}", "over", "`plant.x` has 9 elements, and there are 1 lines"),
         ("{panels: [{signals: plant.radius, names: [a, b, c, d]}]}", "names", "there are 4 names for 3 lines"),
         (
             '{panels: [{signals: test.error, over: "plant.radius[1]", span: [5, 6]}]}',
@@ -407,8 +391,7 @@ def test_lines_of_two_fleets_are_called_by_their_own_run_and_member(tmp_path, co
     paths = [fleet(tmp_path / f"run{count}.nc", count) for count in counts]
     with Result(paths[0]) as one, Result(paths[1]) as two:
         runs = {path.stem: result for path, result in zip(paths, (one, two), strict=True)}
-        panels = figures._panels_of([one, two], "b.x")
-        axes = drawn(runs, panels)
+        axes = signal_plot.plot(runs, "b.x").axes
     told = [(line.get_label(), line.get_ydata()[0]) for axis in axes for line in axis.get_lines()]
     assert len(told) == 2 * sum(counts)
     first, second = (next(x for x in axes[0].get_lines() if x.get_label().startswith(f"{run}: ")) for run in runs)
@@ -416,7 +399,7 @@ def test_lines_of_two_fleets_are_called_by_their_own_run_and_member(tmp_path, co
     assert first.get_linestyle() != second.get_linestyle()
     for label, value in told:
         run, _, name = label.partition(": ")
-        member = re.sub(r"b\.x\[(\d+),\d+\]", r"\1", name)
+        member = re.sub(r"ship (\d+).*", r"\1", name)
         assert int(member) == value and value <= int(run.removeprefix("run"))
     assert main(["plot", *map(str, paths), "-o", str(tmp_path / "p.svg")]) == 0
 

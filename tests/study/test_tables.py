@@ -8,9 +8,9 @@ import pytest
 
 from cosim.report import words
 from cosim.results.metrics import REDUCTIONS
-from cosim.study import dataset, text_tables
+from cosim.study import dataset, table_files, text_tables
 from cosim.study.definition import OVER_RUNS, STATISTICS
-from cosim.study.text_tables import markdown
+from cosim.study.table_files import markdown
 from tests.study.conftest import DIAGRAM, STUDY
 
 ALL = (
@@ -36,7 +36,7 @@ def test_tables(results, tmp_path):
     assert table.values[0][0] == max(tops)
     assert table.values[0][1] == np.median(tops)
     assert [row[-1] for row in table.rows] == ["0.0%", "0.0%", "100.0%"] * 2
-    text_tables.write(done, [table])
+    table_files.write(done, [table])
     assert (tmp_path / "results" / "tops.md").read_text().count("|") == 6 * 8
     assert f"{max(tops)!r}" in (tmp_path / "results" / "tops.csv").read_text()
 
@@ -107,7 +107,7 @@ def test_texts_and_lists_are_labels_without_quotation_marks(results, tmp_path):
     done = results(text)
     made = text_tables.tables(done)
     assert [row[1:3] for row in made[0].rows] == [[t, m] for t in ("i / 2", "[1, 2, pi]") for m in ("jacobi", "joint")]
-    text_tables.write(done, made)
+    table_files.write(done, made)
     with (tmp_path / "results" / "study.csv").open(newline="") as file:
         assert [row[1] for row in csv.reader(file)] == ["lag.T", "i / 2", "i / 2", "[1, 2, pi]", "[1, 2, pi]"]
     dataset.write(tmp_path / "study.nc", done)
@@ -133,9 +133,9 @@ def test_runs_that_did_not_come_to_their_end_are_said(results):
 def test_a_table_of_any_title_is_written_into_the_folder(results, tmp_path, title):
     done = results(f'{{diagram: diagram.yaml, tables: {{"{title}": {{columns: [top]}}}}}}')
     before = set(tmp_path.rglob("*"))
-    text_tables.write(done, text_tables.tables(done))
+    table_files.write(done, text_tables.tables(done))
     made = set(tmp_path.rglob("*")) - before
-    assert len(made) == 2
+    assert len(made) == 3
     assert all(path.parent == tmp_path / "results" for path in made)
 
 
@@ -189,7 +189,7 @@ def test_nan_and_infinity_are_figures_and_no_value_is_none(results, tmp_path):
     each, every = made = text_tables.tables(done)
     assert [row[1:] for row in each.rows] == [["nan"], ["inf"], ["-inf"], ["3"], ["—"]]
     assert every.rows == [["base", "40.0%", "nan"]]
-    text_tables.write(done, made)
+    table_files.write(done, made)
     lines = (tmp_path / "results" / "each.csv").read_text().splitlines()
     assert lines[1:] == ["0,nan", "1,inf", "2,-inf", "3,3.0", "4,"]
     assert "y above 2 in 2 of 5 runs" in next(words.explanation(done.study, list(done.rows())))
