@@ -50,7 +50,8 @@ class Pictures:
         """The files of one figure; of one that moves, a film."""
         kinds = (animation.film(),) if figure.motion and self.formats else self.formats
         stem = file_names.stem(figure.name)
-        folder = self.folder / (results.folder.name if self.apart else "") if self.folder else results.folder
+        kept = results.kept_in
+        folder = self.folder / (kept.name if self.apart else "") if self.folder else kept
         return [folder / f"{stem}.{kind}" for kind in kinds]
 
 
