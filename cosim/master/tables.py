@@ -128,7 +128,7 @@ CONTROL_WORDS = 71
     WAS,  # what they were when they were looked at last
     HIGH,  # what they are beyond a crossing
     DIRECTION,  # how they have crossed
-    TOUCHED,  # 1 for those that an event has crossed or changed, whose signs count a moment later; else 0
+    HAPPENED,  # whether there has been an event since which none was looked at a moment later
     WANTED,  # which crossings are events: 1 upwards, -1 downwards, 0 both, float64 numbers
     WATCHED,  # whose indicators they are
     N_WATCHED,
