@@ -46,8 +46,11 @@ from cosim.master.tables import (
     N_INDICATORS,
     N_WATCHED,
     NON_FINITE,
+    REJECT,
     REPEAT,
     RESTLESS,
+    RETAIN,
+    REVIVE,
     SETTLE,
     TERMINAL,
     WANTED,
@@ -112,7 +115,7 @@ def linger(c: Any, base: int, control: int, event: float, end: float) -> int:
     for j in range(n):
         if z[j] * wanted[j] < 0.0:
             was[j] = z[j]
-    return restore(c, base, REPEAT, event) if status <= WARNING else status
+    return restore(c, base, REJECT, event) if status <= WARNING else status
 
 
 def arrive(c: Any, base: int, time: float) -> int:
@@ -129,12 +132,14 @@ def locate(c: Any, base: int, control: int, begun: float, end: float) -> float:
     """
     low, high, reached, side, before, beyond = begun, end, True, 0, 1.0, 1.0
     nearness = ROUNDING * (abs(end) + end - begun)
+    perform(c, base, RETAIN, RETAIN, end)
     for trial in range(MOST_TRIALS):
         if high - low <= nearness:
             break
         part = share(c, base, before, beyond) if trial < BISECTED else 0.5
         least = min(0.5, 0.5 * nearness / (high - low))
         time = low + (high - low) * min(max(part, least), 1.0 - least)
+        perform(c, base, REVIVE, REVIVE, end)
         status = retry(c, base, control, begun, time)
         if status > WARNING:
             return -float(status)
@@ -149,6 +154,7 @@ def locate(c: Any, base: int, control: int, begun: float, end: float) -> float:
             before, beyond = 1.0, (0.5 * beyond if side == -1 else 1.0)
             side = -1
     if not reached:
+        perform(c, base, REVIVE, REVIVE, end)
         status = retry(c, base, control, begun, high)
         if status > WARNING:
             return -float(status)

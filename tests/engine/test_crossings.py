@@ -230,40 +230,6 @@ def test_the_step_does_not_move_a_bounce(ran, step):
     assert got["b.n"][-1, 0] == len(times) and got["b.last"][-1, 0] == pytest.approx(times[-1], abs=1e-11)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_ball_bounces_several_times_in_one_step(ran, method):
-    got = ran(BALLS, "run.step=1.9", f"run.method={method}")
-    times = [[t for t in bounces(e, h) if t < 1.9] for e, h in ((0.7, 1.0), (0.8, 0.5), (0.5, 2.0))]
-    assert got["b.n"][-1].tolist() == [len(own) for own in times] == [4, 5, 7]
-    assert got["b.last"][-1] == pytest.approx([own[-1] for own in times], abs=1e-11)
-
-
-@pytest.mark.parametrize("engine", ["native", "python"])
-def test_a_ball_that_has_bounced_at_the_end_of_a_step_bounces_in_the_next(ran, engine):
-    """It is there at 1 s a rounding error below the ground, and falls again at 1.8 s."""
-    block = "{own:Ball, parameters: {g: 2.0, e: 0.4}, start: {h: 0.9999999999999999}}"
-    text = f"run: {{stop: 2, step: 1, integrator: heun}}\nblocks: {{b: {block}}}\n"
-    text += "record: {signals: [b.h, b.n, b.last]}\n"
-    got = ran(text, engine=engine)
-    assert -1e-15 < got["b.h"][1] < 0.0
-    assert got["b.n"].tolist() == [0, 1, 2] and got["b.last"][-1] == pytest.approx(1.8, abs=1e-11)
-    assert got["b.h"][-1] == pytest.approx(0.2 * 0.32 - 0.2**2, abs=1e-11)
-
-
-def test_events_that_follow_each_other_closely_all_happen(ran):
-    """What crosses zero in the moment after another's event is found all the same."""
-    heights = [1.0, 1.0 + 1e-15, 1.0 + 1e-12, 1.0 + 1e-9, 1.0 + 1e-7, 1.0 - 1e-8]
-    text = f"""
-    run: {{stop: 1, step: 0.5, integrator: heun}}
-    fleets: {{ball: {len(heights)}}}
-    blocks: {{b: {{own:Ball, per: ball, start: {{h: {heights}}}}}}}
-    record: {{signals: [b.n, b.last]}}
-    """
-    got = ran(text)
-    assert got["b.n"][-1].tolist() == [1] * len(heights)
-    assert got["b.last"][-1] == pytest.approx([bounces(0.7, h)[0] for h in heights], abs=1e-11)
-
-
 def force(t):
     return 1.6 * math.sin(2.0 * t)
 
