@@ -128,7 +128,8 @@ def restless(program: Program, time: float) -> BlockFailed:
     eventful = network.watched or [c for c in network.components.values() if c.declaration.kind("times")]
     names = ", ".join(component.name for component in eventful)
     message = f"block {names}: events follow each other without end after t = {time:g} s"
-    fix = "reset what the indicator is computed from, so that it does not cross zero again at once"
+    fix = "reset what the indicator is computed from, so that it does not cross zero again at once, or say which way "
+    fix += 'counts, as `Indicator(crossing="falling")` does'
     if not network.watched:
         fix = "choose a smaller run.step, which has fewer events, or look at what the FMU says of its next one"
     return BlockFailed(message, eventful[0].entry.position, fix)

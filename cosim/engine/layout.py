@@ -28,7 +28,7 @@ UNWRITTEN: dict[Any, Any] = {
 #: a weighted sum of slopes, and derivatives.
 VECTORS = ("X", "W", "BEGUN", "SUM", "D")
 #: Those over all indicators: see `tables`.
-CROSSINGS = ("Z", "WAS", "HIGH", "DIRECTION", "TOUCHED")
+CROSSINGS = ("Z", "WAS", "HIGH", "DIRECTION")
 
 
 class Layout(Allocation):

@@ -11,7 +11,8 @@ The meaning of a step. At the communication point k, the time is t = k h, and ev
     ADVANCE    the method takes continuous states and foreign blocks from t to t + h: see its file in `methods/`
 
 A step may be an attempt, which is judged, done anew or repeated: see `attempts`. SAVE keeps what changes, REJECT
-restores it, REPEAT all but the histories of inputs, KEEP gives them what blocks publish at the step's end.
+restores it, REPEAT all but the histories of inputs, KEEP gives them what blocks publish at the step's end. RETAIN keeps
+those histories, and REVIVE restores them, where a crossing is looked for in a step that is done.
 
 Before the first step, CALCULATE has the calculated parameters, and START the start functions and the outputs at time
 zero, each after what it reads; then foreign blocks end their initialization, and x⁺ ← x.
@@ -293,7 +294,7 @@ def _write_updates(writer: Writer) -> None:
 
 
 def _write_attempts(writer: Writer) -> Attempts:
-    """SAVE, REJECT, REPEAT, KEEP, which are empty where no step is judged or repeated. Raises: FmuError."""
+    """SAVE, REJECT, REPEAT, KEEP, RETAIN, REVIVE, empty where no step is judged or repeated. Raises: FmuError."""
     network, layout = writer.network, writer.layout
     several = [(c, port) for c in network.components.values() for port in c.couplings if not c.is_late(port)]
     run, stuck = network.diagram.run, network.stuck
@@ -304,11 +305,14 @@ def _write_attempts(writer: Writer) -> Attempts:
     if needed:
         _check_rollback(network)
     goes_back = bool(needed or steep or early)
-    saved = layout.allocate(layout.changing) if goes_back else 0
+    histories = layout.changing - layout.repeated
+    saved, kept = (layout.allocate(layout.changing), layout.allocate(histories)) if goes_back else (0, 0)
     for phase, task, to, source, size in (
         ("SAVE", "save", saved, 0, layout.changing),
         ("REJECT", "restore", 0, saved, layout.changing),
         ("REPEAT", "restore", 0, saved, layout.repeated),
+        ("RETAIN", "", kept, layout.repeated, histories),
+        ("REVIVE", "", layout.repeated, kept, histories),
     ):
         begin = writer.begin()
         if goes_back:

@@ -38,6 +38,7 @@ from cosim.master.tables import (
     EVALUATE,
     EVENTFUL,
     FATAL,
+    HAPPENED,
     HISTORIES,
     INDIVISIBLE,
     KEEP,
@@ -83,7 +84,7 @@ def attempt(c: Any, base: int, control: int, bound: int) -> int:
         c[ENDING] = ENDED
         return status
     for _ in range(MOST_EVENTS):
-        if status <= WARNING and c[N_INDICATORS] != 0:
+        if status <= WARNING and c[N_INDICATORS] != 0 and c[HAPPENED] != 0:
             status = linger(c, base, control, begun, time_at(c, control, k + n))
         n, reached, status = stretch(c, base, control, status, begun, n)
         if status <= WARNING and c[N_INDICATORS] != 0:

@@ -4,12 +4,13 @@
                 crossing: from the step's begin, again and again, to a time between the last before and the first after
     happen      blocks reset their states, all by what there was; then FMUs have their events, by what there is now;
                 as long as an indicator has crossed by that, once more
-    linger      look a moment later at the indicators that the event has crossed or changed; go on from the event
+    linger      look at the indicators a moment later; the step goes on from the event
 
 The last time before and the first after a crossing are found by the Illinois method, to within rounding of the time.
 The event is at the latter, where what is reset may lie a rounding error beyond zero and on its way back: hence the
-moment. Others may cross in it, and are looked at as ever. An indicator that is zero has the sign that it had. One
-source, two engines, as in `loop.py`.
+moment, in which a crossing back that is none of those that count may be followed by one that does. No other sign is
+taken from it, as others may cross in it. An indicator that is zero has the sign that it had. One source, two engines,
+as in `loop.py`.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from cosim.master.tables import (
     EVENT,
     EVENTS,
     FIRST_INDICATOR,
+    HAPPENED,
     HIGH,
     HISTORIES,
     INDICATORS,
@@ -44,12 +46,13 @@ from cosim.master.tables import (
     N_INDICATORS,
     N_WATCHED,
     NON_FINITE,
-    OK,
+    REJECT,
     REPEAT,
     RESTLESS,
+    RETAIN,
+    REVIVE,
     SETTLE,
     TERMINAL,
-    TOUCHED,
     WANTED,
     WARNING,
     WAS,
@@ -102,21 +105,17 @@ def cross(c: Any, base: int, control: int, begun: float, reached: float) -> floa
 
 
 def linger(c: Any, base: int, control: int, event: float, end: float) -> int:
-    """Look at the indicators that an event has touched, a moment after it, for their signs. Returns the status."""
-    n, any_touched = c[N_INDICATORS], False
-    z, was, touched = reals_at(base + c[Z], n), reals_at(base + c[WAS], n), reals_at(base + c[TOUCHED], n)
-    for j in range(n):
-        any_touched = any_touched or touched[j] != 0.0
-    if not any_touched:
-        return OK
+    """Look at the indicators a moment after an event, which of them have crossed back. Returns the status."""
+    c[HAPPENED] = 0
     status = save(c, base, event)
     if status <= WARNING:
         status = retry(c, base, control, event, event + (end - event) * MOMENT)
+    n = c[N_INDICATORS]
+    z, was, wanted = reals_at(base + c[Z], n), reals_at(base + c[WAS], n), reals_at(base + c[WANTED], n)
     for j in range(n):
-        if touched[j] != 0.0 and z[j] != 0.0:
+        if z[j] * wanted[j] < 0.0:
             was[j] = z[j]
-        touched[j] = 0.0
-    return restore(c, base, REPEAT, event) if status <= WARNING else status
+    return restore(c, base, REJECT, event) if status <= WARNING else status
 
 
 def arrive(c: Any, base: int, time: float) -> int:
@@ -133,12 +132,14 @@ def locate(c: Any, base: int, control: int, begun: float, end: float) -> float:
     """
     low, high, reached, side, before, beyond = begun, end, True, 0, 1.0, 1.0
     nearness = ROUNDING * (abs(end) + end - begun)
+    perform(c, base, RETAIN, RETAIN, end)
     for trial in range(MOST_TRIALS):
         if high - low <= nearness:
             break
         part = share(c, base, before, beyond) if trial < BISECTED else 0.5
         least = min(0.5, 0.5 * nearness / (high - low))
         time = low + (high - low) * min(max(part, least), 1.0 - least)
+        perform(c, base, REVIVE, REVIVE, end)
         status = retry(c, base, control, begun, time)
         if status > WARNING:
             return -float(status)
@@ -153,6 +154,7 @@ def locate(c: Any, base: int, control: int, begun: float, end: float) -> float:
             before, beyond = 1.0, (0.5 * beyond if side == -1 else 1.0)
             side = -1
     if not reached:
+        perform(c, base, REVIVE, REVIVE, end)
         status = retry(c, base, control, begun, high)
         if status > WARNING:
             return -float(status)
@@ -181,11 +183,7 @@ def share(c: Any, base: int, before: float, beyond: float) -> float:
 
 def happen(c: Any, base: int, time: float) -> int:
     """The event at a time (s) at which indicators have crossed, and those that it causes. Returns the status."""
-    n = c[N_INDICATORS]
-    z, before, touched = reals_at(base + c[Z], n), reals_at(base + c[HIGH], n), reals_at(base + c[TOUCHED], n)
-    c[LEFT] = 0
-    for j in range(n):
-        before[j] = z[j]
+    c[LEFT], c[HAPPENED] = 0, 1
     for _ in range(MOST_ROUNDS):
         strike_crossed(c, base)
         status = perform(c, base, EVENT, EVENT, time)
@@ -202,8 +200,6 @@ def happen(c: Any, base: int, time: float) -> int:
             return status
         if not has_crossed(c, base):
             note(c, base, WAS)
-            for j in range(n):
-                touched[j] = 1.0 if z[j] != before[j] else touched[j]
             forget_all(c, base)
             return perform(c, base, KEEP, KEEP, time)
     return RESTLESS
@@ -220,10 +216,9 @@ def strike_crossed(c: Any, base: int) -> None:
     n = c[N_INDICATORS]
     z, was = reals_at(base + c[Z], n), reals_at(base + c[WAS], n)
     direction, wanted = reals_at(base + c[DIRECTION], n), reals_at(base + c[WANTED], n)
-    terminal, touched = reals_at(base + c[TERMINAL], n), reals_at(base + c[TOUCHED], n)
+    terminal = reals_at(base + c[TERMINAL], n)
     for j in range(n):
         direction[j] = crosses(was[j], z[j], wanted[j])
-        touched[j] = 1.0 if direction[j] != 0.0 else touched[j]
         if direction[j] != 0.0 and terminal[j] != 0.0 and c[ENDED_BY] == 0:
             c[ENDED_BY], c[ENDING] = j + 1, 1
     for i in range(c[N_WATCHED]):

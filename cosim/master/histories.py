@@ -35,9 +35,12 @@ def head(to: int, fresh: int, width: int, room: int, orders: tuple[int, int], de
 
 
 def push(base: int, history: int, time: float) -> None:
-    """Keep what comes in as the sample of a time (s); one of the same time is replaced."""
+    """Keep what comes in as the sample of a time (s); one of the same time is replaced, and later ones are dropped."""
     h = words_at(base + history, HISTORY_WORDS)
     times = reals_at(base + history + HISTORY_WORDS * 8, h[ROOM])
+    while h[FILLED] > 0 and times[h[NEWEST]] > time:
+        h[NEWEST] = (h[NEWEST] - 1) % h[ROOM]
+        h[FILLED] -= 1
     if h[FILLED] == 0 or times[h[NEWEST]] != time:
         h[NEWEST] = (h[NEWEST] + 1) % h[ROOM]
         h[FILLED] = min(h[FILLED] + 1, h[ROOM])

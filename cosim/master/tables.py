@@ -16,10 +16,10 @@ OK, WARNING, DISCARD, ERROR, FATAL, NON_FINITE, UNSOLVED, RESTLESS, STALLED, IND
 # The phases of a program, as `program.py` explains them; of each, the first row and the one after the last.
 PHASES = (
     *("CALCULATE", "START", "PUBLISH", "EVENTS", "EVALUATE", "SETTLE", "UPDATE", "ADVANCE"),
-    *("SAVE", "REJECT", "REPEAT", "KEEP", "INDICATORS", "EVENT", "TIMES"),
+    *("SAVE", "REJECT", "REPEAT", "KEEP", "INDICATORS", "EVENT", "TIMES", "RETAIN", "REVIVE"),
 )
 CALCULATE, START, PUBLISH, EVENTS, EVALUATE, SETTLE, UPDATE, ADVANCE = range(8)
-SAVE, REJECT, REPEAT, KEEP, INDICATORS, EVENT, TIMES = range(8, 15)
+SAVE, REJECT, REPEAT, KEEP, INDICATORS, EVENT, TIMES, RETAIN, REVIVE = range(8, 17)
 PHASE_WORDS = 2
 
 # A row: kind, three operands, the number of the clock by which it is done (from 1; 0: at every communication point),
@@ -128,7 +128,7 @@ CONTROL_WORDS = 71
     WAS,  # what they were when they were looked at last
     HIGH,  # what they are beyond a crossing
     DIRECTION,  # how they have crossed
-    TOUCHED,  # 1 for those that an event has crossed or changed, whose signs count a moment later; else 0
+    HAPPENED,  # whether there has been an event since which none was looked at a moment later
     WANTED,  # which crossings are events: 1 upwards, -1 downwards, 0 both, float64 numbers
     WATCHED,  # whose indicators they are
     N_WATCHED,

@@ -42,25 +42,6 @@ class Ball(Block):
             next_last[0] = time
 
 
-class Mirrored(Block):
-    """Moves at a constant speed, which is turned round where h crosses zero, from whichever side."""
-
-    h = State(output=True, start=0.3)
-    v = State(output=True, start=-1.0)
-    wall = Indicator()
-
-    def derivatives(v, d_h, d_v):
-        d_h[0] = v
-        d_v[0] = 0.0
-
-    def indicators(h, wall):
-        wall[0] = h
-
-    def event(wall, v, next_v):
-        if wall != 0:
-            next_v[0] = -v
-
-
 class Force(Block):
     A = Parameter(default=1.6)
     w = Parameter(default=2.0)
@@ -247,38 +228,6 @@ def test_the_step_does_not_move_a_bounce(ran, step):
     got = ran(BALLS, f"run.step={step}", f"run.stop={stop}")
     times = [t for t in bounces(0.7, 1.0) if t <= stop]
     assert got["b.n"][-1, 0] == len(times) and got["b.last"][-1, 0] == pytest.approx(times[-1], abs=1e-11)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_ball_bounces_several_times_in_one_step(ran, method):
-    got = ran(BALLS, "run.step=1.9", f"run.method={method}")
-    times = [[t for t in bounces(e, h) if t < 1.9] for e, h in ((0.7, 1.0), (0.8, 0.5), (0.5, 2.0))]
-    assert got["b.n"][-1].tolist() == [len(own) for own in times] == [4, 5, 7]
-    assert got["b.last"][-1] == pytest.approx([own[-1] for own in times], abs=1e-11)
-
-
-@pytest.mark.parametrize("engine", ["native", "python"])
-@pytest.mark.parametrize(("h", "step"), [(0.3, 0.1), (0.25, 0.125), (0.15, 0.05), (0.7, 0.1)])
-def test_what_is_turned_round_at_a_communication_point_does_not_turn_again(ran, h, step, engine):
-    """h is there zero, or a rounding error above or below, and then goes back to where it came from."""
-    text = f"run: {{stop: 1, step: {step}}}\nblocks: {{b: {{own:Mirrored, start: {{h: {h}}}}}}}\n"
-    got = ran(text + "record: {signals: [b.h, b.v]}\n", engine=engine)
-    assert got["b.h"] == pytest.approx(np.abs(h - got["time"]), abs=1e-12)
-    assert got["b.v"][-1] == 1.0
-
-
-def test_events_that_follow_each_other_closely_all_happen(ran):
-    """The sign of an indicator is looked at a moment after its own event, not after that of another."""
-    heights = [1.0, 1.0 + 1e-15, 1.0 + 1e-12, 1.0 + 1e-9, 1.0 + 1e-7, 1.0 - 1e-8]
-    text = f"""
-    run: {{stop: 1, step: 0.5, integrator: heun}}
-    fleets: {{ball: {len(heights)}}}
-    blocks: {{b: {{own:Ball, per: ball, start: {{h: {heights}}}}}}}
-    record: {{signals: [b.n, b.last]}}
-    """
-    got = ran(text)
-    assert got["b.n"][-1].tolist() == [1] * len(heights)
-    assert got["b.last"][-1] == pytest.approx([bounces(0.7, h)[0] for h in heights], abs=1e-11)
 
 
 def force(t):

@@ -2,7 +2,7 @@
  *
  * Co-Simulation finds them inside its steps. In Model Exchange the importer does, and the model says in Event Mode which
  * indicators have crossed since they were looked at last: at the end of an integrator step that crossed nothing, or a
- * moment after an event that touched them. One that is zero has the sign that it had, here and for the importer. */
+ * moment after an event, where one has crossed back. One that is zero has the sign that it had, here and for the importer. */
 #include "instance.h"
 
 #include <float.h>
@@ -96,10 +96,9 @@ Status look_ahead(Instance *i) {
     if (status < ERROR) status = worse(status, provide(i, INDICATED));
     for (uint64_t k = 0; k < indicator_count(); k++) {
         const double z = vector_at(i, ENGINE_Z, k);
-        if (status < ERROR && z != 0 && vector_at(i, ENGINE_TOUCHED, k) != 0)
+        if (status < ERROR && z * vector_at(i, ENGINE_WANTED, k) < 0)
             memcpy(kept + model.control[ENGINE_WAS] + 8 * k, &z, sizeof z);
     }
-    memset(kept + model.control[ENGINE_TOUCHED], 0, 8 * indicator_count());
     memcpy(i->arena, kept, model.arena_bytes);
     if (status < ERROR) i->at = at;
     free(kept);

@@ -1,0 +1,152 @@
+"""Several events in one step, events at its end, and inputs that go on through them: against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from cosim.engine import run
+from cosim.results.result_file import open_result
+
+METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
+BLOCKS = '''
+from cosim import Block, Indicator, Input, Output, Parameter, State
+
+
+class Ball(Block):
+    """d2h/dt2 = -g; at the ground v becomes -e v."""
+
+    g = Parameter(default=9.81)
+    e = Parameter(default=0.7)
+    h = State(output=True, start=1.0)
+    v = State(output=True)
+    n = State(output=True, start=0, dtype=int)
+    last = State(output=True, start=-1.0)
+    ground = Indicator(crossing="falling")
+
+    def derivatives(v, g, d_h, d_v):
+        d_h[0] = v
+        d_v[0] = -g
+
+    def indicators(h, ground):
+        ground[0] = h
+
+    def event(time, ground, v, e, n, next_v, next_n, next_last):
+        if ground < 0:
+            next_v[0] = -e * v
+            next_n[0] = n + 1
+            next_last[0] = time
+
+
+class Toggle(Block):
+    """Its output goes along a line, and changes its sign at 1/3 s."""
+
+    s = State(output=True, start=1.0)
+    y = Output()
+    due = Indicator(crossing="rising")
+
+    def outputs(time, s, y):
+        y[0] = s * (1.0 + time)
+
+    def derivatives(d_s):
+        d_s[0] = 0.0
+
+    def indicators(time, due):
+        due[0] = time - 1.0 / 3.0
+
+    def event(due, s, next_s):
+        if due > 0:
+            next_s[0] = -s
+
+
+class Sum(Block):
+    u = Input()
+    x = State(output=True)
+
+    def derivatives(u, d_x):
+        d_x[0] = u
+'''
+BALLS = """
+run: {stop: 1.9, step: 0.01, integrator: heun}
+fleets: {ball: 3}
+blocks:
+  b: {own:Ball, per: ball, parameters: {e: [0.7, 0.8, 0.5]}, start: {h: [1, 0.5, 2]}}
+record: {signals: [b.h, b.n, b.last]}
+"""
+
+
+@pytest.fixture
+def ran(tmp_path):
+    """The recorded signals of a run, by name."""
+
+    def go(text, *settings, engine="native"):
+        (tmp_path / "own.py").write_text(BLOCKS)
+        path, output = tmp_path / "d.yaml", tmp_path / f"{engine}.nc"
+        path.write_text(text.replace("own:", "python: own.py:"))
+        outcome = run.Run(run.load(path, settings), engine, output).execute()
+        assert outcome.status == "completed", outcome.error
+        with open_result(output) as result:
+            return {"time": result.times, **{name: result[name] for name in result.signals}}
+
+    return go
+
+
+def bounces(e, h, count=30):
+    """When a ball hits the ground that falls from a height."""
+    v = math.sqrt(2 * 9.81 * h)
+    times = [v / 9.81]
+    for k in range(1, count):
+        times.append(times[-1] + 2 * v * e**k / 9.81)
+    return times
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_ball_bounces_several_times_in_one_step(ran, method):
+    got = ran(BALLS, "run.step=1.9", f"run.method={method}")
+    times = [[t for t in bounces(e, h) if t < 1.9] for e, h in ((0.7, 1.0), (0.8, 0.5), (0.5, 2.0))]
+    assert got["b.n"][-1].tolist() == [len(own) for own in times] == [4, 5, 7]
+    assert got["b.last"][-1] == pytest.approx([own[-1] for own in times], abs=1e-11)
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_ball_that_has_bounced_at_the_end_of_a_step_bounces_in_the_next(ran, engine):
+    """It is there at 1 s a rounding error below the ground, and falls again at 1.8 s."""
+    block = "{own:Ball, parameters: {g: 2.0, e: 0.4}, start: {h: 0.9999999999999999}}"
+    text = f"run: {{stop: 2, step: 1, integrator: heun}}\nblocks: {{b: {block}}}\n"
+    text += "record: {signals: [b.h, b.n, b.last]}\n"
+    got = ran(text, engine=engine)
+    assert -1e-15 < got["b.h"][1] < 0.0
+    assert got["b.n"].tolist() == [0, 1, 2] and got["b.last"][-1] == pytest.approx(1.8, abs=1e-11)
+    assert got["b.h"][-1] == pytest.approx(0.2 * 0.32 - 0.2**2, abs=1e-11)
+
+
+def test_events_that_follow_each_other_closely_all_happen(ran):
+    """What crosses zero in the moment after another's event is found all the same."""
+    heights = [1.0, 1.0 + 1e-15, 1.0 + 1e-12, 1.0 + 1e-9, 1.0 + 1e-7, 1.0 - 1e-8]
+    text = f"""
+    run: {{stop: 1, step: 0.5, integrator: heun}}
+    fleets: {{ball: {len(heights)}}}
+    blocks: {{b: {{own:Ball, per: ball, start: {{h: {heights}}}}}}}
+    record: {{signals: [b.n, b.last]}}
+    """
+    got = ran(text)
+    assert got["b.n"][-1].tolist() == [1] * len(heights)
+    assert got["b.last"][-1] == pytest.approx([bounces(0.7, h)[0] for h in heights], abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("method", "extrapolation"), [("gauss-seidel", 1), ("gauss-seidel", 2), ("jacobi", 2), ("iterated", 1)]
+)
+def test_inputs_go_on_to_an_event_and_from_there(ran, method, extrapolation):
+    """A line is extrapolated and interpolated without an error, whatever times are tried to find the event."""
+    text = """
+    run: {stop: 1, step: 0.1, integrator: heun}
+    blocks: {t: {own:Toggle}, i: {own:Sum, inputs: {u: t.y}}}
+    record: {signals: [i.x]}
+    """
+    got = ran(text, f"run.method={method}", f"run.extrapolation={extrapolation}")
+    t = got["time"]
+    way = t + 0.5 * t**2
+    assert got["i.x"] == pytest.approx(np.where(t < 1 / 3, way, 7 / 9 - way), abs=1e-12)
