@@ -106,6 +106,7 @@ class Checkpoints:
         self._warnings, self._identity = list(_judged(network)), identity
         self.mark = f"{identity['key']} {os.urandom(8).hex()}"
         if not self._resume:
+            self.file.claim()
             return
         if not self.file.path.exists():
             raise self._missing()

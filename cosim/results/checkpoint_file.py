@@ -56,6 +56,11 @@ class CheckpointFile:
         except (ValueError, TypeError, KeyError, RecursionError):
             raise self.damaged() from None
 
+    def claim(self) -> None:
+        """Have the place for ourselves, whatever stands there. Raises: CheckpointError where its run is going on."""
+        with suppress(FileNotFoundError), self.path.open("rb") as file:
+            self._lock(file.fileno())
+
     def write(self, about: Mapping[str, Any], tree: Tree) -> None:
         """Put a new checkpoint in the place of the last one. Raises: OSError."""
         pieces = encoded(about, tree)

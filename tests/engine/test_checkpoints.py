@@ -463,6 +463,23 @@ def test_a_result_that_is_damaged_is_not_gone_on_with(wired, tmp_path, damage):
     assert executed(network, output, resume=True)[1].status == "completed"
 
 
+def test_a_new_run_does_not_take_the_checkpoint_of_one_that_is_going_on(small, tmp_path, monkeypatch):
+    """It would be removed by whichever comes to its end first, and the other could not be resumed."""
+    monkeypatch.setattr("cosim.results.checkpoint_file.GRACE", 0.05)
+    output, refused = tmp_path / "run.nc", []
+
+    def watch(time: float) -> None:
+        with pytest.raises(CheckpointError, match="still going on") as caught:
+            executed(small, output, every="0.2")
+        refused.append(caught.value)
+
+    one = executed(small, output, every="0.2", watch=watch)
+    assert len(refused) > 2 and not (tmp_path / "run.previous.nc").exists()
+    assert_same(executed(small, tmp_path / "whole.nc"), one)
+    killed(small, output, 0.5, every="0.2")  # whose checkpoint is nobody's any more
+    assert_same(one, executed(small, output, every="0.2"))
+
+
 def test_two_runs_do_not_go_on_from_one_checkpoint_at_once(small, tmp_path, monkeypatch):
     """The second one would write into the result of the first, and both would come to their end."""
     monkeypatch.setattr("cosim.results.checkpoint_file.GRACE", 0.05)
