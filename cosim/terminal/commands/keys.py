@@ -26,13 +26,7 @@ def run(options: argparse.Namespace) -> int:
 
         print(starting.schema_text(options.schema), end="")
         return 0
-    from cosim.plot.figures import PANEL
-    from cosim.study.study_keys import BOUNDS, COLUMN, STUDY
-
-    of_diagram = dict(_sections(DIAGRAM, ""))
-    known = {"diagram": of_diagram.pop(""), **of_diagram, **dict(_sections(STUDY, "study"))}
-    known |= {"study.random.accept.SIGNAL": BOUNDS, "study.tables.TITLE.columns.HEADING": COLUMN}
-    known |= {"study.figures.NAME.panels": PANEL}
+    known = sections()
     if options.section and options.section not in known:
         raise UnknownKey(f"there is no section `{options.section}`", fix=nearest(options.section, known))
     for name in [options.section] if options.section else known:
@@ -42,6 +36,18 @@ def run(options: argparse.Namespace) -> int:
             say("  and the sections of a diagram, which lie over those of the variant's")
         say("")
     return 0
+
+
+def sections() -> dict[str, Mapping[str, Key]]:
+    """The keys of every section of a diagram and of a study."""
+    from cosim.plot.figures import PANEL
+    from cosim.study.study_keys import BOUNDS, COLUMN, STUDY
+
+    of_diagram = dict(_sections(DIAGRAM, ""))
+    known = {"diagram": of_diagram.pop(""), **of_diagram, **dict(_sections(STUDY, "study"))}
+    known |= {"study.random.accept.SIGNAL": BOUNDS, "study.tables.TITLE.columns.HEADING": COLUMN}
+    known |= {"study.figures.NAME.panels": PANEL}
+    return known
 
 
 def _sections(keys: Mapping[str, Key], name: str) -> Iterator[tuple[str, Mapping[str, Key]]]:
