@@ -343,12 +343,19 @@ class Problems:
         self.raise_if_any()
 
     def sorted(self) -> list[CosimError]:
-        """The mistakes in the order of file, line and column; a name that several settings miss is one."""
+        """The mistakes in the order of file, line and column; a name that settings or blocks miss several times is one."""
         found: dict[str, list[CosimError]] = {}
         for error in sorted(self.errors, key=_place):
-            key = error.message if isinstance(error, UnknownSetting) else str(error)
-            found.setdefault(key, []).append(error)
+            found.setdefault(_wrong_name(error) or str(error), []).append(error)
         return [_one(errors) for errors in found.values()]
+
+
+def _wrong_name(error: CosimError) -> str:
+    """What is said of a name that may be wrong at many places, whoever says it; "" for any other mistake."""
+    if isinstance(error, UnknownSetting):
+        return error.message
+    told = error.message.partition("`: ")[2] if error.message.startswith("block `") else ""
+    return told if isinstance(error, UnknownBlock | AmbiguousBlock) else ""
 
 
 def _one(errors: list[CosimError]) -> CosimError:

@@ -161,7 +161,7 @@ def _wire(node: Node, where: str, reader: Reader) -> Node | None:
     """What a wire reads, with the rest of what is said of it beside."""
     if not isinstance(node.value, dict):
         return node
-    source = node.value.get("from")
+    source: Node | None = node.value.get("from")
     if source is None:
         reader.missing(node, f"`{where}` does not say what is read", "write {from: block.port, …}")
         return None

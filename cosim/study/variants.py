@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.authoring.variables import Input, Parameter, State
+from cosim.authoring.variables import Input, Parameter, State, Variable
 from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program, run_key
 from cosim.engine.program import Program
@@ -317,13 +317,17 @@ def address_of(network: Network, path: str) -> Address | None:
         return None
     if parts[2] not in BLOCK:  # short for one of these sections, as of `overlay.set_value`
         parts.insert(2, "start" if parts[2] in component.entry.start else "parameters")
-    if len(parts) < 4 or parts[2] not in ("parameters", "start", "inputs"):
+    kinds: dict[str, tuple[type[Variable], ...]] = {
+        "parameters": (Parameter,),
+        "start": (State, Input),
+        "inputs": (Input,),
+    }
+    if parts[2] not in kinds:
         return None
-    classes = {"parameters": Parameter, "start": (State, Input), "inputs": Input}[parts[2]]
     for end in range(len(parts), 3, -1):
         name, rest = ".".join(parts[3:end]), parts[end:]
         variable = component.declaration.variables.get(name)
-        known = isinstance(variable, classes) and not variable.structural
+        known = isinstance(variable, kinds[parts[2]]) and not variable.structural
         if parts[2] == "inputs" and name not in component.entry.constants:
             continue
         if known and name not in component.wires and all(part.isdecimal() for part in rest):

@@ -9,6 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -16,24 +17,9 @@ import cosim
 from cosim.errors import CosimError, Position, UsageError
 from cosim.machine import interruption, streams
 from cosim.terminal import notice_printer
+from cosim.terminal.command_names import COMMANDS
 from cosim.terminal.exits import BAD_INPUT, BY_SIGNAL, DONE, MEANINGS, STOPPED
-from cosim.terminal.usage import Parser
-
-COMMANDS = {
-    "run": "run a diagram and print its metrics",
-    "accuracy": "say how wrong a diagram's figures may be",
-    "check": "validate a diagram without running it",
-    "init": "begin a project of your own, which runs as it is",
-    "new": "write a block of your own, with its test",
-    "blocks": "list the blocks, look for some, or show one",
-    "keys": "list what may be written in a diagram or a study",
-    "export": "write blocks of a diagram as an FMU",
-    "fmu": "show what an FMU file is",
-    "study": "run many variants, grid points and random draws of a diagram",
-    "report": "run studies, and write one HTML file with their tables and pictures",
-    "plot": "draw recorded signals, or animate a run",
-    "compare": "show two results side by side, and where they part",
-}
+from cosim.terminal.usage import Install, Parser
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -50,6 +36,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(words: list[str], began: float) -> int:
+    if words[:1] == ["--complete"]:  # of a shell, at every press of Tab
+        return _complete(words[1:])
     try:
         with interruption.heard() as heard:
             with interruption.deferred() as interrupted:  # an import that is broken off may leave anything
@@ -67,6 +55,15 @@ def _run(words: list[str], began: float) -> int:
         return BY_SIGNAL + number
     except SystemExit as leaving:  # of --help
         return leaving.code if isinstance(leaving.code, int) else DONE
+
+
+def _complete(words: list[str]) -> int:
+    """Tell a shell what may come next. What goes wrong is no answer, as nobody has asked for words."""
+    from cosim.terminal import completion
+
+    with suppress(Exception):
+        print(completion.answer(*words), end="")
+    return DONE
 
 
 def _notes(error: BaseException) -> list[str]:
@@ -130,6 +127,7 @@ def _parser(words: list[str]) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"cosim {cosim.__version__}")
+    parser.add_argument("--install-completion", action=Install, metavar="SHELL", help="let Tab complete what is typed")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     wanted = next((word for word in words if not word.startswith("-")), "")
     for name, text in COMMANDS.items():

@@ -12,6 +12,20 @@ from cosim.errors import UsageError, nearest
 KINDS = {"float": "number", "int": "whole number"}
 
 
+class Install(argparse.Action):
+    """The option that installs completion for a shell, that of $SHELL unless it is named, and ends the program."""
+
+    def __init__(self, option_strings: list[str], dest: str, **more: Any) -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs="?", **more)
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: Any, values: Any, option: str | None = None) -> None:
+        """Raises: UsageError, SystemExit."""
+        from cosim.terminal import completion
+
+        completion.install(values)
+        parser.exit()
+
+
 class Parser(argparse.ArgumentParser):
     """An ArgumentParser that raises UsageError."""
 

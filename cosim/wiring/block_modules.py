@@ -36,7 +36,16 @@ def import_error(error: BaseException, path: Path, folder: str) -> CosimError:
     if isinstance(error, CosimError):
         error.position = error.position or place
         return error
-    return BlockImportError(f"`{path}` cannot be imported: {text}", place, "correct the Python file")
+    return BlockImportError(f"`{path}` cannot be imported: {text}", place, _fix(error))
+
+
+def _fix(error: BaseException) -> str:
+    """The usual fix for an import that fails."""
+    if isinstance(error, ModuleNotFoundError):
+        return "install it, or put it beside the file: a file of blocks finds the modules of its own folder"
+    if isinstance(error, ImportError) and "relative import" in str(error):
+        return "leave out the dot: `from helpers import …` finds a file beside this one"
+    return "correct the Python file"
 
 
 def is_inside(module: ModuleType, folder: Path) -> bool:

@@ -630,3 +630,12 @@ def test_two_classes_of_one_name_are_a_mistake(tmp_path, capsys):
     assert cli.main(["check", str(tmp_path / "d.yaml")]) == 2
     said = capsys.readouterr().err
     assert "own.py:6:1: error: class Own is defined twice, and the first definition is lost" in said, said
+
+
+def test_a_type_that_several_blocks_name_wrongly_is_one_mistake(write, capsys):
+    text = "run: {stop: 1, step: 1}\nblocks:\n"
+    text += "".join(f"  b{k}: {{block: NeuralObservr, inputs: {{x: b{k}.x_hat}}}}\n" for k in range(3))
+    assert cli.main(["check", str(write(text))]) == 2
+    said = capsys.readouterr().err
+    assert said.count("error:") == 1 and "no block type `NeuralObservr`, also at 4:15, 5:15" in said
+    assert "did you mean `NeuralObserver`?" in said

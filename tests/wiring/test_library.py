@@ -194,6 +194,18 @@ def test_mistakes_in_a_python_file(tmp_path, content, error, line, words):
     ]
 
 
+@pytest.mark.parametrize(
+    ("line", "fix"),
+    [("from blocks.gains import T", "of its own folder"), ("from .gains import T", "leave out the dot")],
+)
+def test_imports_that_a_file_of_blocks_does_not_have(tmp_path, line, fix):
+    (tmp_path / "mine.py").write_text(f"{line}\n{LAG.format(T=1.0)}")
+    (tmp_path / "gains.py").write_text("T = 7.0\n")
+    with pytest.raises(BlockImportError) as caught:
+        library.find(entry("python", "mine.py:Lag", tmp_path))
+    assert fix in caught.value.fix and caught.value.position.line == 1
+
+
 def test_a_mistake_in_a_sibling_is_placed_there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text("import gains\n")

@@ -39,14 +39,15 @@ def run(options: argparse.Namespace) -> int:
 
 
 def sections() -> dict[str, Mapping[str, Key]]:
-    """The keys of diagrams and studies, by section, the whole first."""
+    """The keys of every section of a diagram and of a study."""
     from cosim.plot.figures import PANEL
     from cosim.study.study_keys import BOUNDS, COLUMN, STUDY
 
     of_diagram = dict(_sections(DIAGRAM, ""))
     known = {"diagram": of_diagram.pop(""), **of_diagram, **dict(_sections(STUDY, "study"))}
     known |= {"study.random.accept.SIGNAL": BOUNDS, "study.tables.TITLE.columns.HEADING": COLUMN}
-    return known | {"study.figures.NAME.panels": PANEL}
+    known |= {"study.figures.NAME.panels": PANEL}
+    return known
 
 
 def _sections(keys: Mapping[str, Key], name: str) -> Iterator[tuple[str, Mapping[str, Key]]]:

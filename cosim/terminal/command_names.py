@@ -1,0 +1,17 @@
+"""The commands, with a line of help each; each is a file in `commands`."""
+
+COMMANDS = {
+    "run": "run a diagram and print its metrics",
+    "accuracy": "say how wrong a diagram's figures may be",
+    "check": "validate a diagram without running it",
+    "init": "begin a project of your own, which runs as it is",
+    "new": "write a block of your own, with its test",
+    "blocks": "list the blocks, look for some, or show one",
+    "keys": "list what may be written in a diagram or a study",
+    "export": "write blocks of a diagram as an FMU",
+    "fmu": "show what an FMU file is",
+    "study": "run many variants, grid points and random draws of a diagram",
+    "report": "run studies, and write one HTML file with their tables and pictures",
+    "plot": "draw recorded signals, or animate a run",
+    "compare": "show two results side by side, and where they part",
+}
