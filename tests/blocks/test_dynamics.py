@@ -37,7 +37,7 @@ FC = 2 * np.pi * 2.0
         ("Derivative", "T: 0.05", "y", of([1, 0], [0.05, 1])),
         ("LeadLag", "k: 2, T_1: 0.5, T_2: 0.1", "y", of([1, 2], [0.1, 1])),
         ("TransferFunction", "numerator: [1, 2], denominator: [2, 3, 4, 5]", "y", of([1, 2], [2, 3, 4, 5])),
-        ("TransferFunction", "numerator: [1, 2, 3], denominator: [2, 3, 4]", "y", of([1, 2, 3], [2, 3, 4])),
+        ("TransferFunctionFeedthrough", "numerator: [1, 2, 3], denominator: [2, 3, 4]", "y", of([1, 2, 3], [2, 3, 4])),
         ("TransferFunction", "numerator: [4], denominator: [1, 2]", "y", of([4], [1, 2])),
         (
             "ZeroPoleGain",
@@ -46,7 +46,7 @@ FC = 2 * np.pi * 2.0
             response(signal.zpk2ss([-2, 1], [-1, -3, -4], 5)),
         ),
         ("ZeroPoleGain", "poles: [-1, -3], k: 5", "y", response(signal.zpk2ss([], [-1, -3], 5))),
-        ("ZeroPoleGain", "zeros: -2, poles: [-1], k: 5", "y", response(signal.zpk2ss([-2], [-1], 5))),
+        ("ZeroPoleGain", "zeros: -2, poles: [-1, -3], k: 5", "y", response(signal.zpk2ss([-2], [-1, -3], 5))),
         ("LowPass", "cutoff: 2", "x", response(signal.tf2ss(*signal.butter(2, FC, analog=True)))),
         ("HighPass", "cutoff: 2", "y", response(signal.tf2ss(*signal.butter(2, FC, "high", analog=True)))),
         ("BandPass", "centre: 2, Q: 3", "y", of([FC / 3, 0], [1, FC / 3, FC**2])),
@@ -54,6 +54,12 @@ FC = 2 * np.pi * 2.0
         ("TransportDelay", "T: 0.2", "y", of([0.04, -1.2, 12], [0.04, 1.2, 12])),
         (
             "StateSpace",
+            "A: [[0, 1], [-4, -1]], B: [[1], [2]], C: [[1, 3]]",
+            "y",
+            response(([[0, 1], [-4, -1]], [[1], [2]], [[1, 3]], [[0]])),
+        ),
+        (
+            "StateSpaceFeedthrough",
             "A: [[0, 1], [-4, -1]], B: [[1], [2]], C: [[1, 3]], D: [[0.5]]",
             "y",
             response(([[0, 1], [-4, -1]], [[1], [2]], [[1, 3]], [[0.5]])),
@@ -85,7 +91,7 @@ def test_pade_is_the_delay_for_slow_signals():
 def test_state_space_with_several_inputs_and_outputs():
     a, b, c, d = [[0, 1], [-4, -1]], [[1, 0], [2, 1]], [[1, 3], [0, 1]], [[0, 1], [1, 0]]
     pair = "  wave: {block: Sine, parameters: {amplitude: [1, 2]}}\n"
-    found = run_block("StateSpace", f"A: {a}, B: {b}, C: {c}, D: {d}", "u: wave.y", pair, step=0.01)["y"]
+    found = run_block("StateSpaceFeedthrough", f"A: {a}, B: {b}, C: {c}, D: {d}", "u: wave.y", pair, step=0.01)["y"]
     both = np.array(b) @ [[1], [2]], np.array(d) @ [[1], [2]]
     for k in range(2):
         expected = response((a, both[0], [c[k]], [both[1][k]]))

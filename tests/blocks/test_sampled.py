@@ -43,7 +43,7 @@ def shifted(u, k):
             signal.lfilter([0, 0, 1, 2], [2, -0.5, 0.25, 0.1], U, axis=0),
         ),
         (
-            "DiscreteTransferFunction",
+            "DiscreteTransferFunctionFeedthrough",
             "numerator: [1, 2], denominator: [2, -1]",
             "",
             signal.lfilter([1, 2], [2, -1], U, axis=0),
@@ -63,9 +63,13 @@ def test_against_scipy(name, parameters, rest, expected):
 
 def test_discrete_state_space():
     a, b, c, d = [[0.5, 0.2], [-0.4, 0.9]], [[1, 0], [0, 2]], [[1, 1]], [[0.5, 0]]
-    y = found("DiscreteStateSpace", f"A: {a}, B: {b}, C: {c}, D: {d}")[0]
-    _, expected, _ = signal.dlsim((a, b, c, d, PERIOD), U)
-    np.testing.assert_allclose(y, expected[:, 0], atol=1e-12)
+    for name, more, through in (
+        ("DiscreteStateSpace", "", [[0, 0]]),
+        ("DiscreteStateSpaceFeedthrough", f", D: {d}", d),
+    ):
+        y = found(name, f"A: {a}, B: {b}, C: {c}{more}")[0]
+        _, expected, _ = signal.dlsim((a, b, c, through, PERIOD), U)
+        np.testing.assert_allclose(y, expected[:, 0], atol=1e-12)
 
 
 def test_rate_limit_and_backlash():
