@@ -165,17 +165,22 @@ def is_proper(numerator: NDArray, denominator: NDArray) -> bool:
     return 1 <= len(numerator) <= len(denominator) and len(denominator) > 1 and denominator[0] != 0.0
 
 
+def is_strictly_proper(numerator: NDArray, denominator: NDArray) -> bool:
+    """Whether a transfer function has fewer zeros than poles, and a leading coefficient."""
+    return 1 <= len(numerator) < len(denominator) and denominator[0] != 0.0
+
+
 class TransferFunction(Block):
-    """A transfer function, with its coefficients from the highest power of s to the constant one.
+    """A transfer function with fewer zeros than poles; else take `TransferFunctionFeedthrough`.
 
     ::
 
         Y(s)   b_0 s^m + … + b_m
-        ──── = ─────────────────,   m <= n
+        ──── = ─────────────────,   m < n
         U(s)   a_0 s^n + … + a_n
 
-    in controllable form: dx_1/dt = (u - a_1 x_1 - … - a_n x_n) / a_0, dx_{k+1}/dt = x_k. A vector is filtered element
-    by element.
+    Coefficients stand from the highest power of s to the constant one, as in `scipy.signal`. In controllable form:
+    dx_1/dt = (a_0 u - a_1 x_1 - … - a_n x_n) / a_0, dx_{k+1}/dt = x_k. A vector is filtered element by element.
     """
 
     order = Dimension(of="coefficients", less=1, description="number of poles")
@@ -188,16 +193,18 @@ class TransferFunction(Block):
     x = State("n?", "order", description="states")
     y = Output("n?", description="output")
 
-    proper = rule("no more coefficients in the numerator than in the denominator, whose first is not 0")(is_proper)
+    proper = rule("fewer coefficients in the numerator than in the denominator, whose first is not 0")(
+        is_strictly_proper
+    )
 
     def calculate(numerator, denominator, num, den):
         output_form(numerator, denominator, num, den)
 
-    def outputs(u, num, den, x, y):
+    def outputs(num, x, y):
         for q in range(y.size):
-            y[q] = num[0] * u[q]
+            y[q] = 0.0
             for k in range(1, num.size):
-                y[q] += (num[k] - num[0] * den[k]) * x[q, k - 1]
+                y[q] += num[k] * x[q, k - 1]
 
     def derivatives(u, den, x, d_x):
         for q in range(u.size):
@@ -208,6 +215,25 @@ class TransferFunction(Block):
                 d_x[q, k] = x[q, k - 1]
 
 
+class TransferFunctionFeedthrough(TransferFunction):
+    """A transfer function with as many zeros as poles, or fewer, whose output follows its input at once.
+
+    ::
+
+        Y(s)   b_0 s^m + … + b_m
+        ──── = ─────────────────,   m <= n
+        U(s)   a_0 s^n + … + a_n
+    """
+
+    proper = rule("no more coefficients in the numerator than in the denominator, whose first is not 0")(is_proper)
+
+    def outputs(u, num, den, x, y):
+        for q in range(y.size):
+            y[q] = num[0] * u[q]
+            for k in range(1, num.size):
+                y[q] += (num[k] - num[0] * den[k]) * x[q, k - 1]
+
+
 def fill(given: NDArray, value: float, filled: NDArray) -> None:
     """What is given, and a value for the rest."""
     for k in range(filled.size):
@@ -215,15 +241,15 @@ def fill(given: NDArray, value: float, filled: NDArray) -> None:
 
 
 class ZeroPoleGain(Block):
-    """A transfer function with real zeros and poles. Complex ones stand in `TransferFunction` or `SecondOrder`.
+    """A transfer function with fewer zeros than poles, all of them real; complex ones stand in `TransferFunction`.
 
     ::
 
         Y(s)     (s - z_1) … (s - z_m)
-        ──── = k ─────────────────────,   m <= n
+        ──── = k ─────────────────────,   m < n
         U(s)     (s - p_1) … (s - p_n)
 
-    as a chain of first-order parts.
+    as a chain of first-order parts, of which the last have no zero.
     """
 
     u = Input("n?", description="signal")
@@ -234,16 +260,14 @@ class ZeroPoleGain(Block):
     x = State("n?", "order", description="states")
     y = Output("n?", description="output")
 
-    proper = rule("no more zeros than poles")(lambda zeros, poles: np.size(zeros) <= len(poles))
+    proper = rule("fewer zeros than poles")(lambda zeros, poles: np.sum(np.isfinite(zeros)) < len(poles))
 
     def calculate(zeros, all_zeros):
         fill(zeros, math.inf, all_zeros)
 
-    def outputs(u, all_zeros, poles, k, x, y):
+    def outputs(x, y):
         for q in range(y.size):
-            y[q] = k * u[q]
-            for j in range(poles.size):
-                y[q] = x[q, j] if math.isinf(all_zeros[j]) else y[q] + (poles[j] - all_zeros[j]) * x[q, j]
+            y[q] = x[q, x.shape[1] - 1]
 
     def derivatives(u, all_zeros, poles, k, x, d_x):
         for q in range(u.size):
@@ -254,11 +278,11 @@ class ZeroPoleGain(Block):
 
 
 class StateSpace(Block):
-    """A linear system in state space.
+    """A linear system in state space, whose outputs are of its states alone; else take `StateSpaceFeedthrough`.
 
     ::
 
-        dx/dt = A x + B u,   y = C x + D u
+        dx/dt = A x + B u,   y = C x
 
     Inputs and outputs may be one number each: B has one column then, C one row.
     """
@@ -267,17 +291,14 @@ class StateSpace(Block):
     A = Parameter("n", "n", description="system matrix")
     B = Parameter("n", "m", description="input matrix")
     C = Parameter("p", "n", description="output matrix")
-    D = Parameter("p", "m", default=0.0, description="feedthrough")
     x = State("n", description="states")
     y = Output("p?", description="outputs")
 
-    def outputs(u, C, D, x, y):
+    def outputs(C, x, y):
         for i in range(y.size):
             y[i] = 0.0
             for j in range(x.size):
                 y[i] += C[i, j] * x[j]
-            for j in range(u.size):
-                y[i] += D[i, j] * u[j]
 
     def derivatives(u, A, B, x, d_x):
         for i in range(x.size):
@@ -286,6 +307,25 @@ class StateSpace(Block):
                 d_x[i] += A[i, j] * x[j]
             for j in range(u.size):
                 d_x[i] += B[i, j] * u[j]
+
+
+class StateSpaceFeedthrough(StateSpace):
+    """A linear system in state space, whose outputs follow its inputs at once.
+
+    ::
+
+        dx/dt = A x + B u,   y = C x + D u
+    """
+
+    D = Parameter("p", "m", default=0.0, description="feedthrough")
+
+    def outputs(u, C, D, x, y):
+        for i in range(y.size):
+            y[i] = 0.0
+            for j in range(x.size):
+                y[i] += C[i, j] * x[j]
+            for j in range(u.size):
+                y[i] += D[i, j] * u[j]
 
 
 class LeadLag(Block):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cosim import Block, CalculatedParameter, Dimension, Indicator, Input, Output, Parameter, State, rule
-from cosim.blocks.continuous import is_proper, output_form
+from cosim.blocks.continuous import is_proper, is_strictly_proper, output_form
 
 
 class UnitDelay(Block):
@@ -108,15 +108,16 @@ class DiscreteDerivative(Block):
 
 
 class DiscreteTransferFunction(Block):
-    """A transfer function of z, with its coefficients from the highest power to the constant one.
+    """A transfer function of z with fewer zeros than poles; else take `DiscreteTransferFunctionFeedthrough`.
 
     ::
 
         Y(z)   b_0 z^m + … + b_m
-        ──── = ─────────────────,   m <= n
+        ──── = ─────────────────,   m < n
         U(z)   a_0 z^n + … + a_n
 
-    in transposed direct form II, as `scipy.signal.lfilter`. A vector is filtered element by element.
+    Coefficients stand from the highest power of z to the constant one. In transposed direct form II, as that of
+    `scipy.signal.lfilter`. A vector is filtered element by element.
     """
 
     order = Dimension(of="coefficients", less=1, description="number of poles")
@@ -129,14 +130,16 @@ class DiscreteTransferFunction(Block):
     x = State("n?", "order", description="states")
     y = Output("n?", description="output")
 
-    proper = rule("no more coefficients in the numerator than in the denominator, whose first is not 0")(is_proper)
+    proper = rule("fewer coefficients in the numerator than in the denominator, whose first is not 0")(
+        is_strictly_proper
+    )
 
     def calculate(numerator, denominator, num, den):
         output_form(numerator, denominator, num, den)
 
-    def outputs(u, num, x, y):
+    def outputs(x, y):
         for q in range(y.size):
-            y[q] = num[0] * u[q] + x[q, 0]
+            y[q] = x[q, 0]
 
     def update(u, num, den, x, y, next_x):
         last = num.size - 2
@@ -144,6 +147,23 @@ class DiscreteTransferFunction(Block):
             for k in range(last):
                 next_x[q, k] = x[q, k + 1] + num[k + 1] * u[q] - den[k + 1] * y[q]
             next_x[q, last] = num[last + 1] * u[q] - den[last + 1] * y[q]
+
+
+class DiscreteTransferFunctionFeedthrough(DiscreteTransferFunction):
+    """A transfer function of z with as many zeros as poles, or fewer, whose output follows its input at once.
+
+    ::
+
+        Y(z)   b_0 z^m + … + b_m
+        ──── = ─────────────────,   m <= n
+        U(z)   a_0 z^n + … + a_n
+    """
+
+    proper = rule("no more coefficients in the numerator than in the denominator, whose first is not 0")(is_proper)
+
+    def outputs(u, num, x, y):
+        for q in range(y.size):
+            y[q] = num[0] * u[q] + x[q, 0]
 
 
 class FIR(Block):
@@ -206,11 +226,11 @@ class MovingAverage(Block):
 
 
 class DiscreteStateSpace(Block):
-    """A sampled linear system in state space.
+    """A sampled linear system, whose outputs are of its states alone; else take `DiscreteStateSpaceFeedthrough`.
 
     ::
 
-        x[k+1] = A x[k] + B u[k],   y[k] = C x[k] + D u[k]
+        x[k+1] = A x[k] + B u[k],   y[k] = C x[k]
 
     Inputs and outputs may be one number each: B has one column then, C one row.
     """
@@ -219,17 +239,14 @@ class DiscreteStateSpace(Block):
     A = Parameter("n", "n", description="system matrix")
     B = Parameter("n", "m", description="input matrix")
     C = Parameter("p", "n", description="output matrix")
-    D = Parameter("p", "m", default=0.0, description="feedthrough")
     x = State("n", description="states")
     y = Output("p?", description="outputs")
 
-    def outputs(u, C, D, x, y):
+    def outputs(C, x, y):
         for i in range(y.size):
             y[i] = 0.0
             for j in range(x.size):
                 y[i] += C[i, j] * x[j]
-            for j in range(u.size):
-                y[i] += D[i, j] * u[j]
 
     def update(u, A, B, x, next_x):
         for i in range(x.size):
@@ -239,6 +256,25 @@ class DiscreteStateSpace(Block):
             for j in range(u.size):
                 total += B[i, j] * u[j]
             next_x[i] = total
+
+
+class DiscreteStateSpaceFeedthrough(DiscreteStateSpace):
+    """A sampled linear system, whose outputs follow its inputs at once.
+
+    ::
+
+        x[k+1] = A x[k] + B u[k],   y[k] = C x[k] + D u[k]
+    """
+
+    D = Parameter("p", "m", default=0.0, description="feedthrough")
+
+    def outputs(u, C, D, x, y):
+        for i in range(y.size):
+            y[i] = 0.0
+            for j in range(x.size):
+                y[i] += C[i, j] * x[j]
+            for j in range(u.size):
+                y[i] += D[i, j] * u[j]
 
 
 class SampleAndHold(Block):

@@ -6,6 +6,13 @@ import numpy as np
 
 from cosim import Block, Indicator, Output, Parameter, State, rule
 
+EARLY = 2.0**-40
+
+
+def time_to(edge: float, time: float) -> float:
+    """The time to an edge (s): below zero at that time, to rounding, as it belongs to what follows."""
+    return edge - time - EARLY * max(1.0, abs(edge))
+
 
 class Constant(Block):
     """A constant.
@@ -50,7 +57,7 @@ class Step(Block):
 
     def indicators(time, at, due):
         for q in range(due.size):
-            due[q] = at[q] - time
+            due[q] = time_to(at[q], time)
 
     def event(due, next_after):
         for q in range(due.size):
@@ -156,7 +163,8 @@ class Pulse(Block):
 
     def indicators(time, at, width, passed, due):
         for q in range(due.size):
-            due[q] = at[q] - time if passed[q] == 0 else (at[q] + width[q] - time if passed[q] == 1 else 1.0)
+            edge = at[q] if passed[q] == 0 else at[q] + width[q]
+            due[q] = time_to(edge, time) if passed[q] < 2 else 1.0
 
     def event(due, passed, next_passed):
         for q in range(due.size):
@@ -206,7 +214,7 @@ class Square(Block):
 
     def indicators(time, frequency, duty, delay, edges, due):
         for q in range(due.size):
-            due[q] = edge_time(edges[q], frequency[q], duty[q], delay[q]) - time
+            due[q] = time_to(edge_time(edges[q], frequency[q], duty[q], delay[q]), time)
 
     def event(due, edges, next_edges):
         for q in range(due.size):

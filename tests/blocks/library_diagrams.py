@@ -25,7 +25,7 @@ PARAMETERS = {
     "LookUp2D": {"": "points_1: [-1, 0, 2], points_2: [-1, 1], values: [[0, 1], [2, 3], [5, 4]]"},
     "StateSpace": {
         "": "A: [[0, 1], [-4, -1]], B: [[0], [1]], C: [[1, 0]]",
-        "vector": "A: [[0, 1], [-4, -1]], B: [[0, 1, 1], [1, 0, 2]], C: [[1, 0], [0, 1]], D: 0.5",
+        "vector": "A: [[0, 1], [-4, -1]], B: [[0, 1, 1], [1, 0, 2]], C: [[1, 0], [0, 1]]",
     },
     "Select": {"": "elements: [3, 1]"},
     "StateMachine": {
@@ -36,6 +36,10 @@ PARAMETERS = {
     "Step": {"": "at: 0.1234"},
     "Pulse": {"": "at: 0.05, width: 0.0333"},
     "Log": {"": ""},
+}
+PARAMETERS["StateSpaceFeedthrough"] = {key: text + ", D: 0.5" for key, text in PARAMETERS["StateSpace"].items()}
+PARAMETERS["DiscreteStateSpaceFeedthrough"] = {
+    key: text.replace("-4, -1", "-0.4, -0.1") for key, text in PARAMETERS["StateSpaceFeedthrough"].items()
 }
 PARAMETERS["DiscreteStateSpace"] = {
     key: text.replace("-4, -1", "-0.4, -0.1") for key, text in PARAMETERS["StateSpace"].items()
