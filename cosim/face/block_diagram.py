@@ -14,10 +14,10 @@ from cosim.errors import CosimError, KeyPath, WrongType
 from cosim.face import drawing
 from cosim.face.finished_run import FinishedRun
 from cosim.face.pictures import Picture
-from cosim.face.recipe import MAKING, Recipe
+from cosim.face.recipe import Recipe
 from cosim.language.overlay import Change
 from cosim.language.plain import node_of, tree_of
-from cosim.machine import interruption
+from cosim.machine import files, importing, interruption
 from cosim.wiring.network import Network
 from cosim.wiring.overview import Overview, describe
 
@@ -109,7 +109,7 @@ class BlockDiagram:
     def network(self) -> Network:
         """The wired diagram, as `cosim.describe` and `cosim.export_fmu` take it. Raises: DiagramErrors, ChangedFile."""
         here = Path.cwd()
-        with MAKING:
+        with importing.LOADING:
             self._recipe.see_unchanged()
             if here not in self._wired:
                 self._wired[here] = self._recipe.wire()
@@ -121,7 +121,7 @@ class BlockDiagram:
         Raises: DiagramErrors with all mistakes.
         """
         network = self.network
-        with MAKING:
+        with importing.LOADING:
             compilation.compile_program(program.build(network, network.diagram.run.method))
         return describe(network)
 
@@ -153,9 +153,11 @@ class BlockDiagram:
         end, the error that ended it (Diverged, BlockFailed, Terminated, …), unless `check` is False: then `status` and
         `error` say so. What there is of the run is that error's `run`, and that of the KeyboardInterrupt.
         """
-        network = self.network
-        with MAKING:
-            run = Run(network, engine, Path(output) if output is not None else None, kept=True)
+        network, file = self.network, None if output is None else Path(output)
+        if file:
+            files.require_ending(file, "a result", "nc")
+        with importing.LOADING:
+            run = Run(network, engine, file, kept=True)
             run.simulation  # noqa: B018  compiled and loaded, which one thread does at a time
         outcome = run.execute(watch)
         finished = FinishedRun(run, outcome)

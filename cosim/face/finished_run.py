@@ -17,6 +17,7 @@ from cosim.errors import CosimError, UnknownPort
 from cosim.face import run_tables
 from cosim.face.datasets import dataset_of_signals
 from cosim.face.pictures import Picture
+from cosim.machine import files
 from cosim.wiring.network import Finding
 
 if TYPE_CHECKING:
@@ -129,6 +130,7 @@ class FinishedRun:
 
     def save(self, path: str | Path) -> None:
         """Write the result file that `cosim run` writes. Raises: ResultError."""
+        files.require_ending(Path(path), "a result", "nc")
         signals = list(self._recorded.values())
         about = self._network, self._reductions, self.outcome
         recording.write(Path(path), signals, self.times, self._values, *about)

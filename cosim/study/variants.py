@@ -7,7 +7,6 @@ whose arena is copied and given other numbers. Everything else goes through the 
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -36,6 +35,7 @@ from cosim.language import diagram, overlay
 from cosim.language.keys import BLOCK
 from cosim.language.source import Node
 from cosim.language.values import Value
+from cosim.machine import importing
 from cosim.study import consistency, plan
 from cosim.study.definition import Draw, Study, Variant
 from cosim.study.draws import Draws
@@ -103,7 +103,6 @@ class Variants:
         self._templates: dict[str, Template] = {}
         self._bases: dict[str, Network] = {}
         self._trees: dict[str, tuple[Node, list[Path]]] = {}
-        self._lock = threading.Lock()
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
         random = {path: d.node.place for d in study.random.draws for path in d.paths} if study.random else {}
         self.positions = {**grid, **random}
@@ -182,7 +181,7 @@ class Variants:
         structure = [pair for pair in member.settings if pair not in values]
         kinds = [(path, str(_shape(value)), _names_member(value)) for path, value in values]
         kind = json.dumps([member.variant, structure, kinds])
-        with self._lock:
+        with importing.LOADING:
             if kind not in self._templates:
                 self._templates[kind] = Template(self.wire(member.variant, member.settings))
             template = self._templates[kind]
@@ -197,7 +196,7 @@ class Variants:
                 tree = overlay.set_value(tree, path, as_node(value, self.positions[path]), self.positions[path])
             except CosimError as error:
                 problems.add(error)
-        with library.offering(self.study.classes):
+        with importing.LOADING, library.offering(self.study.classes):
             return resolution.wire(diagram.build(tree, files, problems), problems)
 
     def _tree(self, variant: Variant, problems: Problems) -> tuple[Node, list[Path]]:

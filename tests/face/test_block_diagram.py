@@ -80,6 +80,17 @@ def test_a_fleet_has_its_members_first(folder):
     assert run.signals["second.x"].dims == ("time", "cart") and run.signals["cart"].values.tolist() == [1, 2, 3]
 
 
+def test_a_value_alone_is_a_parameter_or_a_start_value(folder, capsys):
+    """On the command line, from Python, and on the axes of a study."""
+    for name, value in (("blocks.first.u", 3.0), ("blocks.first.T", 3.0)):
+        full = name.replace(".u", ".start.u").replace(".T", ".parameters.T")
+        runs = [cosim.load("lags.yaml").set({path: value}).run().metrics for path in (name, full)]
+        assert cli.main(["run", "lags.yaml", "--json", "--set", f"{name}={value}"]) == 0
+        assert runs == [json.loads(capsys.readouterr().out)["metrics"]] * 2
+        table = cosim.study(cosim.load("lags.yaml"), grid={name: [1.0, value]}).run()
+        assert table["last"][1] == runs[0]["last"] and table.dimensions == (name.removeprefix("blocks."),)
+
+
 def test_nothing_changes_a_diagram(folder):
     diagram = cosim.load("lags.yaml")
     longer = diagram.set({"run.stop": 2})
