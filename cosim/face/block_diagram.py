@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from cosim.face.study_table import StudyTable
 
 
-MOST_SHOWN = 200
-"""Blocks of a diagram that shows itself as its drawing."""
+MOST_SHOWN, WIDTH = 200, 80
+"""Blocks of a diagram that shows itself as its drawing, and characters of a line of its words."""
 
 
 def load(path: str | Path, blocks: Iterable[type[Block]] = ()) -> BlockDiagram:
@@ -200,7 +201,7 @@ class BlockDiagram:
             return f"a diagram that cannot run:\n{error}"
         run, title = network.diagram.run, network.diagram.title
         parts = ", ".join(_part(network, name) for name in network.components)
-        return f"{title}: {run.stop:g} s in steps of {run.step:g} s ({run.method})\n{parts}"
+        return f"{title}: {run.stop:g} s in steps of {run.step:g} s ({run.method})\n{textwrap.fill(parts, WIDTH)}"
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
         """Its drawing for a notebook; where it has mistakes, those. Too many blocks for a screen are not drawn."""

@@ -13,7 +13,7 @@ import numpy as np
 from cosim.engine import recording
 from cosim.engine.outcome import Event, Outcome
 from cosim.engine.run import Run
-from cosim.errors import CosimError, UnknownPort
+from cosim.errors import CosimError, PlotError, UnknownPort
 from cosim.face import run_tables
 from cosim.face.datasets import dataset_of_signals
 from cosim.face.pictures import Picture
@@ -138,10 +138,14 @@ class FinishedRun:
     def plot(self, *signals: str, output: str | Path | None = None) -> Picture:
         """Draw signals as `cosim plot` does: those that the metrics reduce, unless some are named.
 
-        output: a .png, .svg or .pdf where the picture is written too. Raises: PlotError, MissingPackage.
+        output: a .png, .svg or .pdf where the picture is written too. Raises: PlotError, UnknownPort.
         """
         from cosim.plot import figures
 
+        if not self._values:
+            raise PlotError("this run recorded no signals", fix='.set({"record.signals": ["block.port"]})')
+        for name in signals:
+            self[name.partition("[")[0].strip()]
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / f"{run_tables.file_name(self._network.diagram)}.nc"
             self.save(result)

@@ -23,6 +23,7 @@ from cosim.errors import (
     DiagramErrors,
     Diverged,
     MissingFile,
+    PlotError,
     UnknownPort,
     WrongType,
     WrongValue,
@@ -140,6 +141,26 @@ def test_mistakes_of_a_mapping_name_the_path_of_its_keys(folder):
         cosim.diagram({"diagram": "lags.yaml"})
 
 
+def test_a_mapping_extends_a_file_and_has_diagrams_in_it(folder):
+    (folder / "sub").mkdir()
+    (folder / "sub" / "inner.yaml").write_text(DIAGRAM.replace("lag.py", "../lag.py"), encoding="utf-8")
+    whole = cosim.load("lags.yaml").set({"run.stop": 0.5, "blocks.first.start.u": 2}).run().metrics
+    over = {"extends": "inner.yaml", "run": {"stop": 0.5}, "blocks": {"first": {"start": {"u": 2}}}}
+    inside = {
+        "run": {"stop": 0.5, "step": 0.01},
+        "blocks": {"lags": {"diagram": "inner.yaml", "start": {"first.u": 2}}},
+        "metrics": {"last": {"signal": "lags/second.x", "reduce": "final"}},
+    }
+    assert cosim.diagram(over, folder="sub").set({}).run().metrics == whole
+    made = cosim.diagram(inside, folder="sub")
+    assert made.run().metrics == {"last": whole["last"]}
+    slower = made.set({"blocks.lags/second.T": 2.0}).run().metrics
+    assert slower == made.set({"blocks.lags.parameters": {"second.T": 2.0}}).run().metrics != made.run().metrics
+    (folder / "sub" / "inner.yaml").write_text(DIAGRAM, encoding="utf-8")
+    with pytest.raises(ChangedFile, match=r"`sub/inner\.yaml`"):
+        made.run()
+
+
 def test_errors_have_the_words_of_the_command_line(folder, capsys):
     (folder / "wrong.yaml").write_text(DIAGRAM.replace("first.y", "first.z"), encoding="utf-8")
     cli.main(["run", "wrong.yaml"])
@@ -171,8 +192,12 @@ def test_a_signal_that_is_not_recorded_says_how(folder):
         run["first.y"]
     with pytest.raises(UnknownPort, match="did you mean `x`"):
         run["second.xx"]
+    with pytest.raises(UnknownPort, match=r"`first\.y` is not recorded"):
+        run.plot("first.y[1]")
     bare = cosim.load("lags.yaml").set({"record": None}).run()
     assert not list(bare) and not bare.signals.data_vars
+    with pytest.raises(PlotError, match="recorded no signals"):
+        bare.plot()
 
 
 def test_files_that_change_are_never_run_in_silence(folder):
