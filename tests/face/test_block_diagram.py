@@ -23,6 +23,7 @@ from cosim.errors import (
     DiagramErrors,
     Diverged,
     MissingFile,
+    MissingPackage,
     PlotError,
     UnknownPort,
     WrongType,
@@ -198,6 +199,16 @@ def test_a_signal_that_is_not_recorded_says_how(folder):
     assert not list(bare) and not bare.signals.data_vars
     with pytest.raises(PlotError, match="recorded no signals"):
         bare.plot()
+
+
+def test_without_xarray_there_are_numpy_s_arrays(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    diagram = cosim.load("lags.yaml")
+    run, table = diagram.run(), diagram.sweep([{"blocks.first.T": 1}])
+    for ask in (lambda: run.signals, lambda: table.dataset):
+        with pytest.raises(MissingPackage, match=r"pip install 'cosim\[xarray\]'"):
+            ask()
+    assert run["first.x"].shape == (11,) and table["last"].shape == (1,)
 
 
 def test_files_that_change_are_never_run_in_silence(folder):
