@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +15,10 @@ from cosim.errors import CosimError, KeyPath, WrongType
 from cosim.face import drawing
 from cosim.face.finished_run import FinishedRun
 from cosim.face.pictures import Picture
-from cosim.face.recipe import MAKING, Recipe
+from cosim.face.recipe import Recipe
 from cosim.language.overlay import Change
 from cosim.language.plain import node_of, tree_of
-from cosim.machine import interruption
+from cosim.machine import files, importing, interruption
 from cosim.wiring.network import Network
 from cosim.wiring.overview import Overview, describe
 
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from cosim.face.study_table import StudyTable
 
 
-MOST_SHOWN = 200
-"""Blocks of a diagram that shows itself as its drawing."""
+MOST_SHOWN, WIDTH = 200, 80
+"""Blocks of a diagram that shows itself as its drawing, and characters of a line of its words."""
 
 
 def load(path: str | Path, blocks: Iterable[type[Block]] = ()) -> BlockDiagram:
@@ -109,7 +110,7 @@ class BlockDiagram:
     def network(self) -> Network:
         """The wired diagram, as `cosim.describe` and `cosim.export_fmu` take it. Raises: DiagramErrors, ChangedFile."""
         here = Path.cwd()
-        with MAKING:
+        with importing.LOADING:
             self._recipe.see_unchanged()
             if here not in self._wired:
                 self._wired[here] = self._recipe.wire()
@@ -121,7 +122,7 @@ class BlockDiagram:
         Raises: DiagramErrors with all mistakes.
         """
         network = self.network
-        with MAKING:
+        with importing.LOADING:
             compilation.compile_program(program.build(network, network.diagram.run.method))
         return describe(network)
 
@@ -153,9 +154,11 @@ class BlockDiagram:
         end, the error that ended it (Diverged, BlockFailed, Terminated, …), unless `check` is False: then `status` and
         `error` say so. What there is of the run is that error's `run`, and that of the KeyboardInterrupt.
         """
-        network = self.network
-        with MAKING:
-            run = Run(network, engine, Path(output) if output is not None else None, kept=True)
+        network, file = self.network, None if output is None else Path(output)
+        if file:
+            files.require_ending(file, "a result", "nc")
+        with importing.LOADING:
+            run = Run(network, engine, file, kept=True)
             run.simulation  # noqa: B018  compiled and loaded, which one thread does at a time
         outcome = run.execute(watch)
         finished = FinishedRun(run, outcome)
@@ -198,7 +201,7 @@ class BlockDiagram:
             return f"a diagram that cannot run:\n{error}"
         run, title = network.diagram.run, network.diagram.title
         parts = ", ".join(_part(network, name) for name in network.components)
-        return f"{title}: {run.stop:g} s in steps of {run.step:g} s ({run.method})\n{parts}"
+        return f"{title}: {run.stop:g} s in steps of {run.step:g} s ({run.method})\n{textwrap.fill(parts, WIDTH)}"
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, str]:
         """Its drawing for a notebook; where it has mistakes, those. Too many blocks for a screen are not drawn."""

@@ -13,10 +13,11 @@ import numpy as np
 from cosim.engine import recording
 from cosim.engine.outcome import Event, Outcome
 from cosim.engine.run import Run
-from cosim.errors import CosimError, UnknownPort
+from cosim.errors import CosimError, PlotError, UnknownPort
 from cosim.face import run_tables
 from cosim.face.datasets import dataset_of_signals
 from cosim.face.pictures import Picture
+from cosim.machine import files
 from cosim.wiring.network import Finding
 
 if TYPE_CHECKING:
@@ -129,6 +130,7 @@ class FinishedRun:
 
     def save(self, path: str | Path) -> None:
         """Write the result file that `cosim run` writes. Raises: ResultError."""
+        files.require_ending(Path(path), "a result", "nc")
         signals = list(self._recorded.values())
         about = self._network, self._reductions, self.outcome
         recording.write(Path(path), signals, self.times, self._values, *about)
@@ -136,10 +138,14 @@ class FinishedRun:
     def plot(self, *signals: str, output: str | Path | None = None) -> Picture:
         """Draw signals as `cosim plot` does: those that the metrics reduce, unless some are named.
 
-        output: a .png, .svg or .pdf where the picture is written too. Raises: PlotError, MissingPackage.
+        output: a .png, .svg or .pdf where the picture is written too. Raises: PlotError, UnknownPort.
         """
         from cosim.plot import figures
 
+        if not self._values:
+            raise PlotError("this run recorded no signals", fix='.set({"record.signals": ["block.port"]})')
+        for name in signals:
+            self[name.partition("[")[0].strip()]
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / f"{run_tables.file_name(self._network.diagram)}.nc"
             self.save(result)

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from cosim.errors import DiagramErrors, KeyPath, Problems, RuleViolation, UsageError, WrongType
-from cosim.face.recipe import MAKING, Recipe
+from cosim.face.recipe import Recipe
 from cosim.face.study_table import StudyTable
 from cosim.language.overlay import set_value
 from cosim.language.plain import GIVEN, node_of, tree_of
 from cosim.language.source import Node
+from cosim.machine import importing
 from cosim.study import dataset, executors, running, study_file, text_tables
 from cosim.study.counter import Counter
 from cosim.study.definition import RunsAxis, Study
@@ -115,7 +116,7 @@ def _refuse_unfit(made: Study, given: Iterable[tuple[tuple[str, Any], ...]]) -> 
             continue
         seen.add(names)
         try:
-            with MAKING:
+            with importing.LOADING:
                 variants.wire(next(iter(made.variants)), settings)
         except DiagramErrors as found:
             for mistake in found.errors:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,11 +18,10 @@ from cosim.errors import ChangedFile, CosimError, Problems
 from cosim.language import diagram as diagrams
 from cosim.language.overlay import Change
 from cosim.language.source import Node
+from cosim.machine import importing
 from cosim.wiring import block_files, library, resolution
 from cosim.wiring.network import Network
 
-MAKING = threading.RLock()
-"""Held where Python files are imported and code is loaded, which one thread does at a time."""
 UNNAMED = "diagram"
 """What a diagram that is no file counts as, in the folder that its paths are relative to."""
 
@@ -68,7 +66,7 @@ class Recipe:
     def wire(self) -> Network:
         """The network. Raises: DiagramErrors, ChangedFile."""
         problems = Problems()
-        with MAKING, library.offering(self.classes):
+        with importing.LOADING, library.offering(self.classes):
             self.see_unchanged()
             tree, files = self.read(problems)
             network = resolution.wire(diagrams.build(tree, files, problems), problems)

@@ -15,9 +15,8 @@ from cosim.engine.hand_run import HandRun
 from cosim.engine.probes import Probes
 from cosim.engine.run import ENGINES
 from cosim.errors import CosimError, NotWirable, UsageError, WrongShape, WrongValue, nearest
-from cosim.face.recipe import MAKING
 from cosim.language.reader import endpoint
-from cosim.machine import interruption
+from cosim.machine import importing, interruption
 from cosim.wiring.network import Component, Network, Signal
 
 
@@ -46,7 +45,7 @@ class SteppedRun:
         self._foreign = [c for c in network.components.values() if c.declaration.foreign]
         names = {component.name for component in self._foreign}
         seen = Probes(tuple(s for s in network.signals() if s.component in names), self._grid)
-        with MAKING:
+        with importing.LOADING:
             self._program = program.build(network, network.diagram.run.method)
             kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
             if engine == "native":

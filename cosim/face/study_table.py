@@ -14,6 +14,7 @@ from cosim.face.run_tables import aligned, html_table
 from cosim.results.formatting import format_value
 from cosim.study import dataset as datasets
 from cosim.study import plan, running
+from cosim.study.dotted_paths import short_name
 from cosim.study.running import Results
 
 if TYPE_CHECKING:
@@ -118,7 +119,11 @@ class StudyTable:
         names = dict.fromkeys(name for row in rows for name in row if name != "reason" or self.failed)
         cells = [[_cell(row[name]) if name in row else "" for name in names] for row in rows]
         more = f"and {len(self) - SHOWN} more; " if len(self) > SHOWN else ""
-        return list(names), cells, f"{more}{len(self)} runs, {self.failed or 'none'} failed, {self.seconds:.3g} s"
+        return (
+            [short_name(name) for name in names],
+            cells,
+            f"{more}{len(self)} runs, {self.failed or 'none'} failed, {self.seconds:.3g} s",
+        )
 
     def __repr__(self) -> str:
         head, cells, words = self._table()

@@ -56,8 +56,8 @@ def layered(
             raise TooLarge(f"more than {MOST_LAYERS} diagrams extend each other", named_at, "use fewer layers")
         layer = source.read(path, problems, named_at) if files else read()
         files.append(path)
-        layers.append(layer)
-        extends = layer.value.pop("extends", None)
+        layers.append(replace(layer, value={key: node for key, node in layer.value.items() if key != "extends"}))
+        extends = layer.value.get("extends")
         if extends is None or extends.value is None:
             break
         if not isinstance(extends.value, str):

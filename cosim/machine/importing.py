@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
@@ -11,6 +12,8 @@ from typing import Any
 
 from cosim.machine import interruption, notices, streams
 
+#: Held where authors' files are imported and compiled code is loaded, which one thread of a process does at a time.
+LOADING = threading.RLock()
 #: For how long (s of wall-clock time) an import may take.
 PATIENCE = 60.0
 #: An import that goes on after its patience is asked again to end: how often, and after how long (s).

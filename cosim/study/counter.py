@@ -64,7 +64,7 @@ class _CellBar:
         from IPython.display import HTML, display
 
         self._html, self._total, self._shown = HTML, total, 0.0
-        self._handle: Any = display(HTML(""), display_id=True)  # type: ignore[no-untyped-call]
+        self._handle: Any = display(HTML(""), display_id=True)
 
     def update(self, _task: int, completed: int, left: str) -> None:
         """Show how many are done, a few times a second."""

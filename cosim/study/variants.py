@@ -7,7 +7,6 @@ whose arena is copied and given other numbers. Everything else goes through the 
 from __future__ import annotations
 
 import json
-import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,6 +37,7 @@ from cosim.language.keys import ADDS, BLOCK
 from cosim.language.reader import is_constant
 from cosim.language.source import Node
 from cosim.language.values import Value
+from cosim.machine import importing
 from cosim.study import consistency, plan
 from cosim.study.definition import Draw, Study, Variant
 from cosim.study.draws import Draws
@@ -107,7 +107,6 @@ class Variants:
         self._trees: dict[tuple[str, ...], tuple[Node, list[Path]]] = {}
         self._changes = {(axis.paths[0], change.name): change for axis in study.grid for change in axis.changes}
         self._crossed = {path for path, _ in self._changes}
-        self._lock = threading.Lock()
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
         random = {path: d.node.place for d in study.random.draws for path in d.paths} if study.random else {}
         self.positions = {**grid, **random}
@@ -188,7 +187,7 @@ class Variants:
         structure = [pair for pair in member.settings if pair not in values]
         kinds = [(path, str(_shape(value)), _names_member(value)) for path, value in values]
         kind = json.dumps([member.variant, structure, kinds])
-        with self._lock:
+        with importing.LOADING:
             if kind not in self._templates:
                 self._templates[kind] = Template(self.wire(member.variant, member.settings))
             template = self._templates[kind]
@@ -206,7 +205,7 @@ class Variants:
                 tree = overlay.set_value(tree, path, as_node(value, self.positions[path]), self.positions[path])
             except CosimError as error:
                 problems.add(error)
-        with library.offering(self.study.classes):
+        with importing.LOADING, library.offering(self.study.classes):
             return resolution.wire(diagram.build(tree, files, problems), problems)
 
     def _tree(self, changes: tuple[Variant, ...], problems: Problems) -> tuple[Node, list[Path]]:

@@ -69,7 +69,7 @@ def exported(tmp_path_factory):
         path.write_text(f"run: {{stop: 1.9, step: 0.01, integrator: heun}}\nblocks: {{b: {{python: {block}}}}}\n")
         for version in (2, 3):
             found[name, version] = folder / f"{name}{version}.fmu"
-            cosim.export_fmu(cosim.load(path), ["b"], found[name, version], f"{version}.0")
+            cosim.export_fmu(cosim.load(path).network, ["b"], found[name, version], f"{version}.0")
     return found
 
 

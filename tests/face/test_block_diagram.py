@@ -23,6 +23,8 @@ from cosim.errors import (
     DiagramErrors,
     Diverged,
     MissingFile,
+    MissingPackage,
+    PlotError,
     UnknownPort,
     WrongType,
     WrongValue,
@@ -80,6 +82,17 @@ def test_a_fleet_has_its_members_first(folder):
     assert run.signals["second.x"].dims == ("time", "cart") and run.signals["cart"].values.tolist() == [1, 2, 3]
 
 
+def test_a_value_alone_is_a_parameter_or_a_start_value(folder, capsys):
+    """On the command line, from Python, and on the axes of a study."""
+    for name, value in (("blocks.first.u", 3.0), ("blocks.first.T", 3.0)):
+        full = name.replace(".u", ".start.u").replace(".T", ".parameters.T")
+        runs = [cosim.load("lags.yaml").set({path: value}).run().metrics for path in (name, full)]
+        assert cli.main(["run", "lags.yaml", "--json", "--set", f"{name}={value}"]) == 0
+        assert runs == [json.loads(capsys.readouterr().out)["metrics"]] * 2
+        table = cosim.study(cosim.load("lags.yaml"), grid={name: [1.0, value]}).run()
+        assert table["last"][1] == runs[0]["last"] and table.dimensions == (name.removeprefix("blocks."),)
+
+
 def test_nothing_changes_a_diagram(folder):
     diagram = cosim.load("lags.yaml")
     longer = diagram.set({"run.stop": 2})
@@ -129,6 +142,26 @@ def test_mistakes_of_a_mapping_name_the_path_of_its_keys(folder):
         cosim.diagram({"diagram": "lags.yaml"})
 
 
+def test_a_mapping_extends_a_file_and_has_diagrams_in_it(folder):
+    (folder / "sub").mkdir()
+    (folder / "sub" / "inner.yaml").write_text(DIAGRAM.replace("lag.py", "../lag.py"), encoding="utf-8")
+    whole = cosim.load("lags.yaml").set({"run.stop": 0.5, "blocks.first.start.u": 2}).run().metrics
+    over = {"extends": "inner.yaml", "run": {"stop": 0.5}, "blocks": {"first": {"start": {"u": 2}}}}
+    inside = {
+        "run": {"stop": 0.5, "step": 0.01},
+        "blocks": {"lags": {"diagram": "inner.yaml", "start": {"first.u": 2}}},
+        "metrics": {"last": {"signal": "lags/second.x", "reduce": "final"}},
+    }
+    assert cosim.diagram(over, folder="sub").set({}).run().metrics == whole
+    made = cosim.diagram(inside, folder="sub")
+    assert made.run().metrics == {"last": whole["last"]}
+    slower = made.set({"blocks.lags/second.T": 2.0}).run().metrics
+    assert slower == made.set({"blocks.lags.parameters": {"second.T": 2.0}}).run().metrics != made.run().metrics
+    (folder / "sub" / "inner.yaml").write_text(DIAGRAM, encoding="utf-8")
+    with pytest.raises(ChangedFile, match=r"`sub/inner\.yaml`"):
+        made.run()
+
+
 def test_errors_have_the_words_of_the_command_line(folder, capsys):
     (folder / "wrong.yaml").write_text(DIAGRAM.replace("first.y", "first.z"), encoding="utf-8")
     cli.main(["run", "wrong.yaml"])
@@ -160,8 +193,22 @@ def test_a_signal_that_is_not_recorded_says_how(folder):
         run["first.y"]
     with pytest.raises(UnknownPort, match="did you mean `x`"):
         run["second.xx"]
+    with pytest.raises(UnknownPort, match=r"`first\.y` is not recorded"):
+        run.plot("first.y[1]")
     bare = cosim.load("lags.yaml").set({"record": None}).run()
     assert not list(bare) and not bare.signals.data_vars
+    with pytest.raises(PlotError, match="recorded no signals"):
+        bare.plot()
+
+
+def test_without_xarray_there_are_numpy_s_arrays(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    diagram = cosim.load("lags.yaml")
+    run, table = diagram.run(), diagram.sweep([{"blocks.first.T": 1}])
+    for ask in (lambda: run.signals, lambda: table.dataset):
+        with pytest.raises(MissingPackage, match=r"pip install 'cosim\[xarray\]'"):
+            ask()
+    assert run["first.x"].shape == (11,) and table["last"].shape == (1,)
 
 
 def test_files_that_change_are_never_run_in_silence(folder):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -48,6 +49,14 @@ def test_a_study_is_that_of_the_command_line(folder):
             xarray.testing.assert_equal(found.dataset["last"], file["last"].isel(variant=0, drop=True))
     kept = cosim.load_study("study.yaml", {"random.count": 4}).run(results="results")
     assert kept["last"].shape == (3, 2, 4) and kept._results.reused == 18
+
+
+def test_sweeps_in_two_threads_are_those_in_one(folder):
+    diagram = cosim.load("lags.yaml")
+    lists = [[{"blocks.first.T": 0.5 + 0.1 * k, "run.stop": stop} for k in range(20)] for stop in (0.5, 1.0, 1.5)]
+    one = [diagram.sweep(changes)["last"].tolist() for changes in lists]
+    with ThreadPoolExecutor(3) as pool:
+        assert list(pool.map(lambda changes: cosim.load("lags.yaml").sweep(changes)["last"].tolist(), lists)) == one
 
 
 def test_variants_and_progress(folder):

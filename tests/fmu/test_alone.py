@@ -203,7 +203,7 @@ def test_file_names_that_no_block_can_have(tmp_path):
 
 
 def test_a_program_may_load_one(tmp_path):
-    network = cosim.load(told.build(tmp_path, 3, "cs"))
+    network = cosim.load(told.build(tmp_path, 3, "cs")).network
     assert cosim.Run(network).execute().status == "completed"
 
 

@@ -105,7 +105,7 @@ def test_a_native_ball_as_our_own_fmu_bounces_alike(tmp_path, version):
     check(*wanted)
     (tmp_path / "native.yaml").write_text(native)
     exported = tmp_path / "ball.fmu"
-    cosim.export_fmu(cosim.load(tmp_path / "native.yaml"), ["b"], exported, f"{version}.0")
+    cosim.export_fmu(cosim.load(tmp_path / "native.yaml").network, ["b"], exported, f"{version}.0")
     found = recorded(tmp_path, TEXT.format(method="jacobi", fmu=exported, more=""))
     assert all(np.array_equal(one, two) for one, two in zip(wanted, found, strict=True))
 
