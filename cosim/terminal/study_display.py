@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any, Self
 
 from cosim.results.formatting import format_duration
-from cosim.study.text_tables import TextTable
+from cosim.results.text_table import TextTable
 from cosim.terminal.screen import ASCII, CONTROLS, PATIENCE, UNLIMITED, line_width, natural_width, print_table
 
 if TYPE_CHECKING:
