@@ -11,6 +11,7 @@ import pytest
 
 from cosim.errors import PlotError
 from cosim.plot import animation, motion, player
+from cosim.plot import scene as scenes
 from cosim.plot.motion import Motion
 from cosim.results.recorded import Recorded
 from cosim.results.result_file import open_result
@@ -147,9 +148,22 @@ def test_a_run_without_samples_has_no_animation(run, tmp_path):
 
 def test_each_frame_shows_its_own_time(run):
     with open_result(run(bodies(), diagram=ROLES)) as opened:
-        scene = animation._Scene(motion.read(opened, motion.find(opened, Motion())))
+        scene = scenes.scene(motion.read(opened, motion.find(opened, Motion())))
         first, again, last = animation._pictures(scene, np.array([0, 0, 60]))
     assert first.tobytes() == again.tobytes() != last.tobytes()
+
+
+def test_a_crowd_is_drawn_as_one_and_where_it_is():
+    x = bodies(count=1000)
+    neighbours = np.full((61, 1000, 2), -1, np.int32)
+    neighbours[:, 5, 0] = 7
+    moving = motion.Bodies(TIMES, x, None, None, neighbours, None, "m", "robot", 2.0)
+    crowd = scenes.scene(moving)
+    first, last = animation._pictures(crowd, np.array([0, 60]))
+    np.testing.assert_array_equal(crowd.discs.get_offsets(), x[60, :, :2])
+    (edge,) = crowd.edges.get_segments()
+    np.testing.assert_array_equal(edge, x[60, [7, 5], :2])
+    assert len(crowd.ways.get_segments()) == 1000 and first.tobytes() != last.tobytes()
 
 
 def test_a_browser_plays_stops_and_scrubs_without_a_network(run, tmp_path):
