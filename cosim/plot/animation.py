@@ -49,10 +49,9 @@ def animate(
     shown = np.unique(np.searchsorted(moving.times, np.linspace(moving.times[0], moving.times[-1], count)))
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
+        pictures = _pictures(scenes.scene(moving), shown, DOTS[kind])
         with files.fresh(output) as new:
-            (_film if kind == "mp4" else _gif)(
-                new, _pictures(scenes.scene(moving), shown, DOTS[kind]), seconds / len(shown)
-            )
+            (_film if kind == "mp4" else _gif)(new, pictures, seconds / len(shown))
     except OSError as error:
         raise style.cannot_write(output, error) from None
     return motion

@@ -1,4 +1,4 @@
-"""What a frame of a moving picture shows: a few bodies with all that is known of them, or a crowd, which is drawn as one."""
+"""What a frame of a moving picture shows: a few bodies with all that is known of them, or a crowd, drawn as one."""
 
 from __future__ import annotations
 
