@@ -75,9 +75,9 @@ def exact(k_12: float, step: float, points: int) -> Any:
 
 def draw(errors: dict[str, dict[tuple[str, int], list[float]]], output: Path) -> None:
     """A panel for each spring."""
-    with style.style() as pyplot:
-        figure, axes = pyplot.subplots(1, len(errors), figsize=(style.WIDTH, 3.4), sharey=True)
-        for axis, (title, curves) in zip(axes, errors.items(), strict=True):
+    with style.style():
+        figure, axes = style.subplots(1, len(errors), (style.WIDTH, 3.4), sharey=True)
+        for axis, (title, curves) in zip(axes.flat, errors.items(), strict=True):
             _slopes(axis)
             for (method, order), values in curves.items():
                 shown = [value if value < 1.0 else np.nan for value in values]
@@ -86,8 +86,8 @@ def draw(errors: dict[str, dict[tuple[str, int], list[float]]], output: Path) ->
                 name = f"{method}, extrapolation {order}" if order else method
                 axis.loglog(STEPS, shown, marker="os^"[k], markersize=3, label=name, **look)
             axis.set(title=title, xlabel="communication step (s)", xlim=(2e-3, 1.3), ylim=(1e-11, 2.0))
-        axes[0].set_ylabel("largest error, relative to the first deflection")
-        handles, labels = axes[0].get_legend_handles_labels()
+        axes[0, 0].set_ylabel("largest error, relative to the first deflection")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3)
         style.save(figure, output)
 

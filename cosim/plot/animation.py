@@ -15,15 +15,14 @@ from cosim.errors import PlotError
 from cosim.machine import files
 from cosim.plot import motion as motions
 from cosim.plot import player, style
-from cosim.plot.motion import Bodies, Motion
-from cosim.plot.plane import Body, bodies
+from cosim.plot import scene as scenes
+from cosim.plot.motion import Motion
+from cosim.plot.scene import Scene
 from cosim.results.result_file import Result
 
 FORMATS = ("mp4", "gif", "html")
 DOTS = {"gif": 90, "mp4": 140}
 """Dots an inch: a frame is looked at for a moment."""
-TRAIL = 3.0
-"""Seconds of the way that a body came which are shown behind it."""
 SECONDS = 10.0
 """How long a film plays."""
 FRAMES = {"gif": 150, "mp4": 300}
@@ -50,8 +49,9 @@ def animate(
     shown = np.unique(np.searchsorted(moving.times, np.linspace(moving.times[0], moving.times[-1], count)))
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
+        pictures = _pictures(scenes.scene(moving), shown, DOTS[kind])
         with files.fresh(output) as new:
-            (_film if kind == "mp4" else _gif)(new, _pictures(_Scene(moving), shown, DOTS[kind]), seconds / len(shown))
+            (_film if kind == "mp4" else _gif)(new, pictures, seconds / len(shown))
     except OSError as error:
         raise style.cannot_write(output, error) from None
     return motion
@@ -101,7 +101,7 @@ def _film(path: Path, frames: Iterator[Any], pause: float) -> None:
             raise PlotError(f"ffmpeg failed: {said[-300:]}", fix="write a GIF: -o robots.gif")
 
 
-def _pictures(scene: _Scene, shown: np.ndarray, dots: int = 90) -> Iterator[Any]:
+def _pictures(scene: Scene, shown: np.ndarray, dots: int = 90) -> Iterator[Any]:
     """Each frame (height, width, 3). What does not move is drawn once, and copied."""
     with style.style():
         figure, axes = style.subplots(1, 1, scene.size())
@@ -121,86 +121,3 @@ def _pictures(scene: _Scene, shown: np.ndarray, dots: int = 90) -> Iterator[Any]
             for artist in scene.move(axis, k):
                 axis.draw_artist(artist)
             yield np.array(canvas.buffer_rgba())[:, :, :3]
-
-
-class _Scene:
-    """All that is drawn of a run, frame by frame."""
-
-    def __init__(self, moving: Bodies) -> None:
-        self.moving = moving
-        self.times, self.x = moving.times, moving.x
-        self.references, self.neighbours, self.weights = moving.references, moving.neighbours, moving.weights
-        self.low, self.high = moving.box()
-        dot = 0.006 * float(np.max(self.high - self.low))
-        self.radii = np.full(self.x.shape[1], dot) if moving.radii is None else moving.radii
-        self.trails: list[Any] = []
-        self.ranges: list[Any] = []
-        self.crosses: list[Any] = []
-        self.bodies: list[Body] = []
-        self.arrows: dict[tuple[int, int], Any] = {}
-        self.points = 0.93 * 72 * style.WIDTH / (self.high[0] - self.low[0])  # of print for a unit of length, about
-
-    def size(self) -> tuple[float, float]:
-        """Inches; as wide as a page, as high as the bodies' way needs."""
-        width, height = self.high - self.low
-        return style.WIDTH, float(np.clip(style.WIDTH * height / width + 0.5, 2.5, 7.0))
-
-    def time(self, k: int) -> str:
-        """The title of a frame."""
-        return f"t = {self.times[k]:5.2f} s"
-
-    def frame(self, axis: Any) -> Any:
-        """Prepare the axes, with all that moves; returns the title."""
-        from matplotlib.patches import Circle
-
-        axis.set(xlim=(self.low[0], self.high[0]), ylim=(self.low[1], self.high[1]), aspect="equal")
-        unit = style.unit_text(self.moving.unit)
-        axis.set_xlabel(f"$p_x$ ({unit})" if unit else "$p_x$")
-        axis.set_ylabel(f"$p_y$ ({unit})" if unit else "$p_y$")
-        for i, radius in enumerate(self.radii):
-            look: Any = {"color": style.COLOURS[i % len(style.COLOURS)], "animated": True}
-            self.trails += axis.plot([], [], linewidth=0.8, alpha=0.6, **look)
-            self.ranges.append(Circle((0, 0), self.moving.outer * radius, alpha=0.08, linewidth=0, **look))
-            axis.add_artist(self.ranges[-1])
-            if self.references is not None:
-                self.crosses += axis.plot([], [], "+", markersize=5, markeredgewidth=0.8, **look)
-        self.bodies = bodies(axis, self.x[0], self.radii)
-        for artist in (artist for body in self.bodies for artist in body.artists):
-            artist.set_animated(True)
-        return axis.set_title(self.time(0), loc="left")
-
-    def move(self, axis: Any, k: int) -> list[Any]:
-        """What moves, as it is in one frame, from the lowest to the topmost."""
-        since = np.searchsorted(self.times, self.times[k] - TRAIL)
-        for i, trail in enumerate(self.trails):
-            trail.set_data(*self.x[since : k + 1, i, :2].T)
-            self.ranges[i].center = tuple(self.x[k, i, :2])
-            self.bodies[i].move(self.x[k, i])
-        for i, cross in enumerate(self.crosses):
-            assert self.references is not None
-            cross.set_data(*self.references[k, i, :2, None])
-        shown = [*self.ranges, *self.trails, *self.crosses, *self._edges(axis, k)]
-        shown += [artist for body in self.bodies for artist in body.artists]
-        return sorted(shown, key=lambda artist: artist.get_zorder())
-
-    def _edges(self, axis: Any, k: int) -> Iterator[Any]:
-        """An arrow from each body to those that hear it; the stronger the edge, the darker."""
-        from matplotlib.patches import FancyArrowPatch
-
-        if self.neighbours is None:
-            return
-        for i, heard in enumerate(self.neighbours[k]):
-            for slot, j in enumerate(heard):
-                weight = 1.0 if self.weights is None else float(self.weights[k, i, slot])
-                if j < 0 or weight < 1e-3:
-                    continue
-                start, end = tuple(self.x[k, j, :2]), tuple(self.x[k, i, :2])
-                shrink: Any = {"shrinkA": self.points * self.radii[j], "shrinkB": self.points * self.radii[i]}
-                if (i, j) not in self.arrows:
-                    look: Any = {"arrowstyle": "-|>", "mutation_scale": 7, "color": "#404040", "linewidth": 0.8}
-                    self.arrows[i, j] = FancyArrowPatch(start, end, animated=True, zorder=2, **look, **shrink)
-                    axis.add_artist(self.arrows[i, j])
-                arrow = self.arrows[i, j]
-                arrow.set_positions(start, end)
-                arrow.set(alpha=min(1.0, 0.25 + weight), linestyle="-" if weight >= 1.0 else "--")
-                yield arrow

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from cosim.errors import PlotError, Position, Problems, UnknownKey, WrongType, WrongValue
 from cosim.language import grammar
@@ -193,7 +194,8 @@ def _motion(entries: Mapping[str, Node], members: Sequence[str], where: str, rea
     _refuse_several(entries, members, where, reader)
     given = {part: entries[part] for part in ANIMATION if part in entries}
     read = {part: read_value(ANIMATION[part], node, f"{where}.{part}", reader) for part, node in given.items()}
-    return replace(Motion(), **{part: str(node.value) for part, node in read.items() if node})
+    named: dict[str, Any] = {part: str(node.value) for part, node in read.items() if node}
+    return Motion(**named)
 
 
 def _refuse_several(entries: Mapping[str, Node], members: Sequence[str], where: str, reader: Reader) -> None:

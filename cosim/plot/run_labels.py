@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -44,7 +45,7 @@ def shades(runs: Mapping[str, Drawable]) -> Shades | None:
     if len(found) != 1:
         return None
     values = found[0].values
-    if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in values):
         return None
     return Shades(short(found[0].key), tuple(float(value) for value in values))
 

@@ -24,13 +24,13 @@ from cosim.plot.figures import Figure
 from cosim.report import words
 from cosim.results.result_file import open_result
 from cosim.results.software_versions import versions
+from cosim.results.text_table import TextTable
 from cosim.study import file_names, running, text_tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
 from cosim.study.executors import processors
 from cosim.study.member_run import Row
 from cosim.study.running import Results
-from cosim.study.text_tables import TextTable
 
 HEAD_BYTES = 4096  # of a page, in which it says what made it
 

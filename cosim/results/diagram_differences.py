@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from cosim.errors import CosimError, Position
 from cosim.language import source
-from cosim.results.result_file import Result
 
 ABSENT = "—"
 """What stands for a key that a diagram does not have."""
@@ -17,6 +17,13 @@ LONGEST = 32
 LAST = ("metrics", "record", "inputs", "outputs", "title")
 """What changes no signal: it comes behind what does."""
 TYPES = ("block", "python", "fmu", "diagram")
+
+
+class FromDiagram(Protocol):
+    """What says which diagram it comes from: a `cosim.results.result_file.Result`, for one."""
+
+    path: Path
+    attrs: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,7 @@ class Difference:
         return short if len(set(short)) == len(set(whole)) else tuple(whole)
 
 
-def read(result: Result) -> dict[str, Any] | None:
+def read(result: FromDiagram) -> dict[str, Any] | None:
     """The diagram that a result comes from, as plain values; None where it has none that can be read."""
     text = result.attrs.get("diagram")
     if not isinstance(text, str) or not text.strip():

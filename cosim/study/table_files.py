@@ -7,10 +7,10 @@ import io
 from collections.abc import Sequence
 
 from cosim.errors import ResultError
+from cosim.results.latex_tables import latex
+from cosim.results.text_table import TextTable
 from cosim.study import file_names
-from cosim.study.latex_tables import latex
 from cosim.study.running import Results
-from cosim.study.text_tables import TextTable
 
 
 def write(results: Results, made: Sequence[TextTable]) -> None:

@@ -5,37 +5,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cosim.language.source import Node
 from cosim.results.metrics import REDUCTIONS, reduction
+from cosim.results.text_table import TextTable
 from cosim.study.dataset import metric_names, scalar
 from cosim.study.definition import OVER_RUNS, Study, TableColumn, TableLayout
 from cosim.study.member_run import Row
 from cosim.study.running import FAILED, Results
-
-
-@dataclass
-class TextTable:
-    """A table as text, and its cells as numbers: values[row][column], None where there is none.
-
-    notes: sentences to be read with it. deviations: as the values, of those that are means with ± behind them.
-    """
-
-    title: str
-    head: list[str]
-    rows: list[list[str]]
-    values: list[list[float | None]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    deviations: list[list[float | None]] = field(default_factory=list)
-
-    @property
-    def labels(self) -> int:
-        """How many columns, from the left, say what a row is."""
-        return len(self.head) - len(self.values[0]) if self.values else 1
 
 
 def tables(results: Results) -> list[TextTable]:

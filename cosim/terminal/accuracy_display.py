@@ -8,7 +8,7 @@ from cosim.accuracy.accuracies import AGREES, CHANGES, Accuracy, ErrorPart
 from cosim.accuracy.certificate import Certificate
 from cosim.accuracy.limit import NO_ORDER, ROUNDING, UNSETTLED
 from cosim.results.formatting import format_error, format_seconds, format_with_error
-from cosim.study.text_tables import TextTable
+from cosim.results.text_table import TextTable
 from cosim.terminal import study_display
 from cosim.terminal.screen import print_wrapped
 

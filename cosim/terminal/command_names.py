@@ -13,5 +13,5 @@ COMMANDS = {
     "study": "run many variants, grid points and random draws of a diagram",
     "report": "run studies, and write one HTML file with their tables and pictures",
     "plot": "draw recorded signals, or animate a run",
-    "compare": "show two results side by side, and where they part",
+    "compare": "show results side by side, and where they and their diagrams differ",
 }

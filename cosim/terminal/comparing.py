@@ -8,7 +8,7 @@ from typing import Any
 
 from cosim.results.diagram_differences import Difference
 from cosim.results.formatting import format_change, format_value
-from cosim.study.text_tables import TextTable
+from cosim.results.text_table import TextTable
 from cosim.terminal import study_display
 from cosim.terminal.screen import line_width, print_rows, print_wrapped, say
 

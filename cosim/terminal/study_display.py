@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING
 
-from cosim.study.text_tables import TextTable
+from cosim.results.text_table import TextTable
 from cosim.terminal.screen import ASCII, CONTROLS, UNLIMITED, line_width, natural_width, print_table
 
 if TYPE_CHECKING:

@@ -92,6 +92,8 @@ def test_chosen_signals_and_several_results(result, tmp_path):
         (["--positions", "plant.x"], "--positions is a part of an animation"),
         (["--radii", "plant.radius"], "--radii is a part of an animation"),
         (["--animate", "--signals", "plant.x"], "--signals chooses lines"),
+        (["--animate", "--from", "2"], "--from is for lines"),
+        (["--animate", "--log", "y"], "--log is for lines"),
         (["other.nc", "--animate"], "an animation shows one run, not 2"),
         (["--signals", ","], "`,` names no signal"),
     ],

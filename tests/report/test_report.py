@@ -163,3 +163,46 @@ def test_a_report_takes_no_place_but_that_of_a_report(tmp_path):
     with pytest.raises(ResultError, match="exists and is not a report"):
         document.write(page, [])
     assert page.read_text() == "<html><title>mine</title></html>"
+
+
+def test_figures_are_written_into_a_folder_in_any_format(report, tmp_path, capsys):
+    report()
+    assert main(["report", "study.yaml", "--figures", "here/figs"]) == 0
+    assert sorted(path.name for path in (tmp_path / "here" / "figs").iterdir()) == ["fig__1.pdf", "fig__2.pdf"]
+    assert main(["report", "study.yaml", "--figures", "figs", "--pictures", "svg,png"]) == 0
+    assert "drawn in figs/fig__1.svg" in capsys.readouterr().out
+    assert len(list((tmp_path / "figs").iterdir())) == 4
+    (tmp_path / "figs" / "fig__2.png").write_text("mine")
+    assert main(["report", "study.yaml", "--figures", "figs", "--pictures", "png"]) == 2
+    assert "it is not replaced" in capsys.readouterr().err
+    assert (tmp_path / "figs" / "fig__2.png").read_text() == "mine"
+    assert main(["report", "study.yaml", "--pictures", "bmp"]) == 2
+    assert "`bmp` is none of png, svg, pdf" in capsys.readouterr().err
+
+
+def test_two_studies_have_their_figures_apart(report, tmp_path):
+    report()
+    written(tmp_path, TEXT, "other.yaml")
+    assert main(["report", "study.yaml", "other.yaml", "--figures", "figs", "--pictures", "svg"]) == 0
+    assert sorted(str(p.relative_to(tmp_path)) for p in (tmp_path / "figs").rglob("*.svg")) == [
+        f"figs/{study}/fig__{k}.svg" for study in ("other", "study") for k in (1, 2)
+    ]
+
+
+def test_a_figure_that_moves_is_a_player_in_the_page(report, tmp_path):
+    moving = TEXT.rstrip() + "\n      Fig. 3: {kind: animation, members: plain, positions: lag.x, caption: they move}\n"
+    path = report(moving)
+    text = path.read_text()
+    assert text.count('class="player"') == 1 and text.count("querySelectorAll") == 1
+    assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", text)
+    assert "<b>Fig. 3.</b> they move" in text
+
+
+def test_a_figure_that_cannot_move_is_told_at_its_place(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, DIAGRAM, "diagram.yaml")
+    moving = TEXT.rstrip() + "\n      Fig. 3: {kind: animation, positions: swing.x}\n"
+    written(tmp_path, moving, "study.yaml")
+    assert main(["report", "study.yaml"]) == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert "study.yaml:13:" in error and "`figures.Fig. 3`: `swing.x` is no list of positions" in error

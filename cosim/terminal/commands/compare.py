@@ -8,13 +8,12 @@ import math
 from pathlib import Path
 from typing import Any
 
-from cosim.results import comparison, diagram_differences, result_names
+from cosim.results import comparison, diagram_differences, latex_tables, result_names
 from cosim.results.comparison import Comparison
 from cosim.results.diagram_differences import Difference
 from cosim.results.metrics import for_json
 from cosim.results.result_file import open_result
 from cosim.results.verdicts import verdict
-from cosim.study import latex_tables
 from cosim.terminal import comparing, study_display
 from cosim.terminal.exits import DIFFERENT, DONE
 from cosim.terminal.screen import say

@@ -77,6 +77,10 @@ def _refuse_unused(options: argparse.Namespace) -> None:
         raise PlotError(f"{parts[0]} is a part of an animation", fix="add --animate, or choose lines by --signals")
     if options.animate and options.signals:
         raise PlotError("--signals chooses lines, and an animation has none", fix="choose its parts: --positions a.b")
+    given = {"log": options.log, "from": options.first, "to": options.last, "columns": options.columns}
+    lines = [f"--{name}" for name, value in given.items() if value is not None]
+    if options.animate and lines:
+        raise PlotError(f"{lines[0]} is for lines, and an animation has none", fix=f"leave out {lines[0]}")
     if options.animate and len(options.results) > 1:
         message = f"an animation shows one run, not {len(options.results)}"
         raise PlotError(message, fix=f"animate {options.results[0]} alone")

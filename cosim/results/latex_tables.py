@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from cosim.study.text_tables import TextTable
+from cosim.results.text_table import TextTable
 
 ESCAPES = {
     **{c: f"\\{c}" for c in "&%$#_{}"},

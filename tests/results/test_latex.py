@@ -5,8 +5,8 @@ import subprocess
 
 import pytest
 
-from cosim.study.latex_tables import escape, latex
-from cosim.study.text_tables import TextTable
+from cosim.results.latex_tables import escape, latex
+from cosim.results.text_table import TextTable
 
 ODD = "50 % of A_b & C# costs $5 {~^\\} <α|β> ‖δ‖ é “x” m² x₁ — 1–2 … ± × ∞ ≤ Ω Α ς µ" + "\"`'"
 
