@@ -9,9 +9,10 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # as of `typing`, without the time that it takes
 if TYPE_CHECKING:
+    from cosim.authoring import random
     from cosim.authoring.block import Block, Measure
     from cosim.authoring.rules import Course, condition, rule
-    from cosim.authoring.variables import CalculatedParameter, Dimension, Input, Local, Output, Parameter, State
+    from cosim.authoring.variables import CalculatedParameter, Dimension, Input, Local, Output, Parameter, Seed, State, Stream
     from cosim.engine.outcome import Outcome
     from cosim.engine.run import Run, load
     from cosim.errors import CosimError
@@ -24,7 +25,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "cosim.authoring.block": "Block Measure",
     "cosim.authoring.rules": "Course condition rule",
-    "cosim.authoring.variables": "CalculatedParameter Dimension Indicator Input Local Output Parameter State",
+    "cosim.authoring.variables": "CalculatedParameter Dimension Indicator Input Local Output Parameter Seed State "
+    "Stream",
     "cosim.engine.outcome": "Outcome",
     "cosim.engine.run": "Run load",
     "cosim.errors": "CosimError",
@@ -48,12 +50,15 @@ __all__ = [
     "Output",
     "Parameter",
     "Run",
+    "Seed",
     "State",
+    "Stream",
     "condition",
     "describe",
     "export_fmu",
     "load",
     "open_result",
+    "random",
     "rule",
 ]
 
@@ -65,6 +70,8 @@ if not os.path.isdir(os.path.join(_folder, "blocks")):
 
 def __getattr__(name: str) -> object:
     """Imported only when asked for, so that the command line soon hears Ctrl-C."""
+    if name == "random":
+        return import_module("cosim.authoring.random")
     if name not in _HOME:
         raise AttributeError(f"module `{__name__}` has no attribute `{name}`")
     return getattr(import_module(_HOME[name]), name)
