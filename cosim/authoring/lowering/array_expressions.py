@@ -168,7 +168,10 @@ class ArrayExpressions:
         if isinstance(node, ast.Attribute) and node.attr == "newaxis":
             return syntax.constant(None)
         value = self.lower(node)
-        if not isinstance(value, Scalar) or value.element == TRUTH:
+        if isinstance(value, Scalar) and value.element == TRUTH:
+            what = "takes an element at an index that is a truth value"
+            self.work.refuse(node, what, "make it a number with int(…)")
+        if not isinstance(value, Scalar):
             fix = "loop over the elements, or use np.where(test, a, b)"
             self.work.refuse(node, f"takes the elements that `{syntax.brief(node)}` says", fix)
         return value.node
@@ -300,6 +303,10 @@ class ArrayExpressions:
         for value in values[first:] if first is not None else ():
             if isinstance(value, Array):
                 self.work.writes(value)
+        if any(map(has_arrays, values)) and _takes_numbers(resolve(node.func, self.names.scope)):
+            name = ast.unparse(node.func).rpartition(".")[2]
+            fix = f"use np.{name} where numpy has it, or write a loop over the elements"
+            self.work.refuse(node, f"gives an array to `{name}`, which takes numbers", fix)
         arguments = [self._as_it_lies(v, a) for v, a in zip(values, node.args, strict=True)]
         element = UNKNOWN
         function = resolve(node.func, self.names.scope)
@@ -329,6 +336,10 @@ def _first_written(function: Any) -> int | None:
     if isinstance(function, np.ufunc):
         return function.nin
     return None if getattr(function, "__module__", "") in ("builtins", "math") else 0
+
+
+def _takes_numbers(function: Any) -> bool:
+    return function in (float, int, bool, round, range) or getattr(function, "__module__", "") == "math"
 
 
 def _has_slices(node: Any) -> bool:

@@ -42,6 +42,8 @@ class ArrayStatements:
                     self._names.lost.update(stored_names(ast.walk(statement)))
             syntax.located(lowered, statement)
             found += lowered
+        if body and not found:  # its last array needs no statement
+            found.append(ast.copy_location(ast.Pass(), body[0]))
         return found
 
     def finish(self) -> None:

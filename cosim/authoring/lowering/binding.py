@@ -43,9 +43,14 @@ class Binding:
     def number(self, target: Any, value: Scalar) -> None:
         """A name stands for a number. Raises: Refusal where it was an array."""
         if isinstance(self._names.values.get(target.id), (Array, Several)):
+            self._told_elsewhere(target)
             what = f"gives the name `{target.id}` to an array and to a number"
             self._work.refuse(target, what, "use a name for each")
         self._names.give(target.id, value)
+
+    def _told_elsewhere(self, target: Any) -> None:
+        if target.id in self._names.arguments and not self._names.is_helper:
+            raise Refusal(target, "", "")
 
     def view(self, name: str, value: Value) -> None:
         """A name stands for a part of something else, as a loop gives it."""
@@ -57,6 +62,7 @@ class Binding:
         name = target.id
         known = self._names.values.get(name)
         if name in self._names.arguments:
+            self._told_elsewhere(target)
             what = f"gives the name `{name}`, an argument, to another array"
             self._work.refuse(target, what, "use another name for the new array")
         if isinstance(value, Several):

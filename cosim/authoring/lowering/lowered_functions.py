@@ -81,7 +81,7 @@ class Session:
         self.seen.append((python.__globals__, {n: python.__globals__[n] for n in names}))
         used = {n.id for n in ast.walk(text.node) if isinstance(n, ast.Name)} | {*arguments, *python.__globals__}
         work = Work(used, self.dimensions, scope)
-        known = Names(text.node, arguments, scope)
+        known = Names(text.node, arguments, scope, is_helper)
         returning = Returning() if is_helper else None
         expressions = ArrayExpressions(work, known, self._call)
         statements = ArrayStatements(work, known, expressions, returning)

@@ -26,9 +26,13 @@ class Names:
 
     arguments: what each argument stands for; scope: what names of the module stand for. bound: the names of arrays
     that have a value on every path that leads here; None where no path does. lost: those whose value was refused.
+    is_helper: otherwise it is a block's, of which it is said elsewhere that an argument gets another value.
     """
 
-    def __init__(self, function: Any, arguments: Mapping[str, Value], scope: dict[str, Any]) -> None:
+    def __init__(
+        self, function: Any, arguments: Mapping[str, Value], scope: dict[str, Any], is_helper: bool
+    ) -> None:
+        self.is_helper = is_helper
         self.values: dict[str, Value] = dict(arguments)
         self.arguments = frozenset(arguments)
         self.bound: frozenset[str] | None = self.arguments

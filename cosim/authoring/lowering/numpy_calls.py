@@ -417,6 +417,8 @@ FUNCTIONS: dict[Any, Handler] = {
     np.linalg.norm: _of_one(reductions.norm),
     np.trace: _of_one(reductions.trace),
     **{function: _of_one(reductions.OF[name]) for name, function in reductions.NUMPY.items()},
+    np.amin: _of_one(reductions.OF["min"]),
+    np.amax: _of_one(reductions.OF["max"]),
     sum: _of_one(reductions.OF["sum"]),
     min: _of_one(reductions.OF["min"]),
     max: _of_one(reductions.OF["max"]),
