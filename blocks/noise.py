@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cosim import Block, CalculatedParameter, Parameter, Seed, State, Stream, random
+from cosim import Block, CalculatedParameter, Dimension, Parameter, Seed, State, Stream, random
 
 
 class WhiteNoise(Block):
@@ -19,6 +19,7 @@ class WhiteNoise(Block):
     deviation = Parameter(default=1.0, min=0.0, description="standard deviation")
     seed = Seed()
     stream = Stream()
+    n = Dimension(default=1, description="how many signals")
     y = State("n", output=True, description="noise")
 
     def start(mean, seed, y, stream):
@@ -40,6 +41,7 @@ class UniformNoise(Block):
     high = Parameter(default=1.0, description="upper end")
     seed = Seed()
     stream = Stream()
+    n = Dimension(default=1, description="how many signals")
     y = State("n", output=True, description="noise")
 
     def start(low, high, seed, y, stream):
@@ -65,6 +67,7 @@ class BandLimitedNoise(Block):
     kept = CalculatedParameter(description="how much of a sample is in the next one")
     fresh = CalculatedParameter(description="how much of a sample is new")
     stream = Stream()
+    n = Dimension(default=1, description="how many signals")
     y = State("n", output=True, description="noise")
 
     def calculate(bandwidth, deviation, period, kept, fresh):
@@ -88,6 +91,7 @@ class RandomWalk(Block):
     intensity = Parameter(default=1.0, min=0.0, description="standard deviation after one second")
     seed = Seed()
     stream = Stream()
+    n = Dimension(default=1, description="how many signals")
     y = State("n", output=True, description="position of the walk")
 
     def start(seed, stream):
