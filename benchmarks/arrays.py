@@ -95,7 +95,8 @@ def prepared(folder: Path, name: str, states: int, functions: str, steps: int) -
     (folder / f"{name}.py").write_text(text + functions)
     (folder / f"{name}.yaml").write_text(
         f"run: {{stop: {steps * 1e-3}, step: 1.0e-3}}\nfleets: {{member: {MEMBERS}}}\n"
-        f"blocks:\n  space: {{python: '{name}.py:Space', per: member}}\nmetrics: {{x: {{signal: space.x, reduce: final}}}}\n"
+        f"blocks:\n  space: {{python: '{name}.py:Space', per: member}}\n"
+        "metrics: {x: {signal: space.x, reduce: final}}\n"
     )
     network = run.load(folder / f"{name}.yaml")
 
@@ -117,7 +118,9 @@ def main() -> None:
         for k, (name, texts) in enumerate(PAIRS.items()):
             for states in (2, 4, 8):
                 steps = 40000 // states**2
-                runs = [prepared(Path(folder), f"p{k}_{states}_{t}", states, text, steps) for t, text in enumerate(texts)]
+                runs = [
+                    prepared(Path(folder), f"p{k}_{states}_{t}", states, text, steps) for t, text in enumerate(texts)
+                ]
                 times = [[solve() / steps / MEMBERS * 1e9 for solve in runs] for _ in range(rounds)]
                 ratios = sorted(a / b for a, b in times)
                 arrays, loops = (statistics.median(column) for column in zip(*times, strict=True))

@@ -12,7 +12,17 @@ if TYPE_CHECKING:
     from cosim.authoring import random
     from cosim.authoring.block import Block, Measure
     from cosim.authoring.rules import Course, condition, rule
-    from cosim.authoring.variables import CalculatedParameter, Dimension, Input, Local, Output, Parameter, Seed, State, Stream
+    from cosim.authoring.variables import (
+        CalculatedParameter,
+        Dimension,
+        Input,
+        Local,
+        Output,
+        Parameter,
+        Seed,
+        State,
+        Stream,
+    )
     from cosim.engine.outcome import Outcome
     from cosim.engine.run import Run, load
     from cosim.errors import CosimError

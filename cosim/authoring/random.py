@@ -25,7 +25,7 @@ _LOW = 0xFFFFFFFF
 
 
 def begin(stream: Any, seed: int) -> None:
-    """Begin a stream, in `start`. seed: any whole number; another one gives numbers that have nothing to do with these."""
+    """Begin a stream, in `start`. seed: any whole number; each has numbers of its own."""
     stream[0] = seed
     stream[1] = 0
 

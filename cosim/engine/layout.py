@@ -14,7 +14,6 @@ import numpy as np
 
 from cosim.authoring.declaration import Function, variable_of
 from cosim.authoring.variables import CalculatedParameter, Indicator, Input, Local, Output, Parameter, State, Variable
-from cosim.compiling.frame import in_arena
 from cosim.engine.allocation import Allocation, Place, connect, remember
 from cosim.master import tables, unknowns
 from cosim.wiring import loops, order
@@ -57,7 +56,6 @@ class Layout(Allocation):
         self.vectors: dict[str, int] = {}
         self.published: dict[str, tuple[int, int]] = {}
         self._unknowns: dict[Loop, int] = {}
-        self._work: dict[tuple[str, str], dict[str, tuple[int, int]]] = {}
         self._lay_out_states()
         self._lay_out_published()
         self._lay_out_indicators()
@@ -132,17 +130,6 @@ class Layout(Allocation):
                 words += [place.offset, place.stride, numbers, clocks.get(signal, unknowns.NO_ROW)]
             self._unknowns[loop] = self.constant(np.array(words, np.int64))
         return self._unknowns[loop]
-
-    def work(self, component: Component, function: Function) -> dict[str, tuple[int, int]]:
-        """Where the memory is, which all instances share, that a function needs besides its arguments."""
-        key = component.name, function.name
-        if key not in self._work:
-            sizes = {name: axis.size for name, axis in component.axes.items()}
-            self._work[key] = {}
-            for temporary in in_arena(component.declaration, function, component.constants()):
-                shape = [size.of(sizes) for size in temporary.kind.shape]
-                self._work[key][temporary.name] = self.constant(np.zeros(shape, temporary.kind.element)), 0
-        return self._work[key]
 
     # ---- the state segment ----
 

@@ -9,7 +9,6 @@ import numpy as np
 from cosim.authoring.variables import Seed
 from cosim.errors import WrongValue
 from cosim.wiring.draft import Draft
-from cosim.wiring.network import Component
 
 
 def repeated(draft: Draft) -> Iterator[WrongValue]:
@@ -29,4 +28,3 @@ def repeated(draft: Draft) -> Iterator[WrongValue]:
                     fix = f"give each another one, such as `{seed.name}: {own}`, or `{max(owners)} + i` in a fleet"
                     yield WrongValue(message, given.position if given else component.entry.position, fix)
                     break
-

@@ -60,7 +60,7 @@ CASES = {
     "a diagonal": "y[:] = np.diag(A); s_ = np.trace(B); y += s_",
     "numbers": "y[:] = np.array([k, u[0] * 2.0, 1.0])",
     "numbers from itself": "y[:] = u; y[:] = np.array([y[2], y[0], y[1]])",
-    "a matrix of numbers": "R = np.array([[np.cos(k), -np.sin(k), 0.0], [np.sin(k), np.cos(k), 0.0], [0, 0, 1]]); y[:] = R @ u",
+    "a matrix of numbers": "R = np.array([[np.cos(k), -k, 0.0], [np.sin(k), np.cos(k), 0.0], [0, 0, 1]]); y[:] = R @ u",
     "rows": "Y[:] = np.array([u, w, u - w])",
     "joined": "c = np.concatenate((u, w)); y[:] = c[1:4] + np.hstack((u[:2], [k]))",
     "rows and columns": "Y[:] = B; Y[0, :] = u; Y[:, 1] += w; Y[2] = A[1] + A[:, 0]",
@@ -95,7 +95,7 @@ CASES = {
     "a view": "e = A[0]; f = A.T; y[:] = e + f[1] + f @ u",
     "either": "m = np.sum(u) if k > 100.0 else np.sum(w); s[0] = m",
 }
-HEAD = '''
+HEAD = """
 import numpy as np
 from cosim import Block, Input, Output, Parameter
 
@@ -140,7 +140,7 @@ class Cases(Block):
     M = Parameter("n", 3, default=0)
     v = Input("n", start=0)
     z = Input("n", start=0)
-'''
+"""
 SHAPES = {"y": "3", "Y": "3, 3", "q": '"n"', "s": ""}
 ARGUMENTS = "u, w, A, B, k, M, v, z"
 
@@ -239,4 +239,6 @@ def test_engines_agree_to_the_bit_and_with_numpy(cases, constants):
         compiled = run_compiled(library, declaration, function, constants)
         assert compiled.tobytes() == run_interpreted(declaration, function).tobytes(), case
         # rounding errors of sums of 5 terms of size 10, behind a matrix whose condition is below 100
-        np.testing.assert_allclose(compiled, run_as_numpy_does(function, declaration), rtol=1e-12, atol=1e-13, err_msg=case)
+        np.testing.assert_allclose(
+            compiled, run_as_numpy_does(function, declaration), rtol=1e-12, atol=1e-13, err_msg=case
+        )

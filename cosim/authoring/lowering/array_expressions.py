@@ -34,38 +34,16 @@ from cosim.authoring.scope import resolve
 CallsHelper = Callable[[Any, ast.Call, types.FunctionType, dict[str, Value], Into | None], Value]
 
 
-class ArrayExpressions:
-    """The walk through the expressions of one function; what it emits stands before the statement."""
+class _Parts:
+    """Names, and parts of what they stand for."""
 
-    def __init__(self, work: Work, names: Names, calls_helper: CallsHelper) -> None:
+    def __init__(self, work: Work, names: Names) -> None:
         self.work = work
         self.names = names
-        self._calls_helper = calls_helper
 
     def lower(self, node: Any, into: Into | None = None) -> Value:
         """What an expression stands for. Raises: Refusal."""
-        match node:
-            case ast.Name():
-                return self._name(node)
-            case ast.Constant():
-                return kind_of_constant(node, node.value)
-            case ast.BinOp():
-                return self._binary(node, into)
-            case ast.UnaryOp():
-                return self._unary(node)
-            case ast.Compare():
-                return self._compare(node)
-            case ast.BoolOp() | ast.IfExp():
-                return self._branching(node)
-            case ast.Call():
-                return self._call(node, into)
-            case ast.Subscript():
-                return self._subscript(node)
-            case ast.Attribute():
-                return self._attribute(node)
-            case ast.Tuple():
-                return self._tuple(node)
-        return Scalar(node)
+        raise NotImplementedError
 
     def number(self, node: Any) -> Scalar:
         """An expression that is no array. Raises: Refusal."""
@@ -88,8 +66,6 @@ class ArrayExpressions:
         for key, value in parts.items():
             setattr(other, key, value)
         return other
-
-    # ---- names and parts ----
 
     def _name(self, node: ast.Name) -> Value:
         found = self.names.look_up(node)
@@ -188,6 +164,39 @@ class ArrayExpressions:
             return Several(tuple(values))
         return Scalar(self.rebuilt(node, elts=[v.node for v in values if isinstance(v, Scalar)]), TUPLE)
 
+
+class ArrayExpressions(_Parts):
+    """The walk through the expressions of one function; what it emits stands before the statement."""
+
+    def __init__(self, work: Work, names: Names, calls_helper: CallsHelper) -> None:
+        super().__init__(work, names)
+        self._calls_helper = calls_helper
+
+    def lower(self, node: Any, into: Into | None = None) -> Value:
+        """What an expression stands for. Raises: Refusal."""
+        match node:
+            case ast.Name():
+                return self._name(node)
+            case ast.Constant():
+                return kind_of_constant(node, node.value)
+            case ast.BinOp():
+                return self._binary(node, into)
+            case ast.UnaryOp():
+                return self._unary(node)
+            case ast.Compare():
+                return self._compare(node)
+            case ast.BoolOp() | ast.IfExp():
+                return self._branching(node)
+            case ast.Call():
+                return self._call(node, into)
+            case ast.Subscript():
+                return self._subscript(node)
+            case ast.Attribute():
+                return self._attribute(node)
+            case ast.Tuple():
+                return self._tuple(node)
+        return Scalar(node)
+
     # ---- operators ----
 
     def _binary(self, node: ast.BinOp, into: Into | None) -> Value:
@@ -258,10 +267,11 @@ class ArrayExpressions:
             if (found := self._method(node, node.func, into)) is not None:
                 return found
         elif (handler := numpy_calls.handler(function)) is not None:
+            self.work.handled.add(id(node))  # also where it is refused, which is then all that is said
             found = handler(self, node, into)
             if found is not None:
-                self.work.handled.add(id(node))
                 return found
+            self.work.handled.discard(id(node))
         given = self._given(node)
         own = getattr(function, "py_func", function)
         if isinstance(own, types.FunctionType) and not (own.__module__ or "").startswith(("numpy", "numba")):
@@ -360,4 +370,3 @@ def _loaded(node: Any) -> Any:
     other = copy.copy(node)
     other.ctx = ast.Load()
     return other
-

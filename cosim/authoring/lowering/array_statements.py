@@ -9,79 +9,23 @@ from typing import Any
 
 from cosim.authoring.dataflow.bindings import stored as stored_names
 from cosim.authoring.lowering import linear_calls, syntax
-from cosim.authoring.lowering.array_expressions import ArrayExpressions
-from cosim.authoring.lowering.binding import Binding
+from cosim.authoring.lowering.array_names import ArrayNames
 from cosim.authoring.lowering.loop_targets import iterated
 from cosim.authoring.lowering.lowered_values import Array, Scalar, Several, Value, result_of
 from cosim.authoring.lowering.names import Names
 from cosim.authoring.lowering.returning import Returning
 from cosim.authoring.lowering.slicing import indices
-from cosim.authoring.lowering.work import Into, Refusal, Work, value_type
+from cosim.authoring.lowering.work import Into, Lowerer, Refusal, Work, value_type
 
 
-class ArrayStatements:
-    """The walk through the statements of one function."""
+class _Stores:
+    """Statements that store numbers and arrays."""
 
-    def __init__(self, work: Work, names: Names, expressions: ArrayExpressions, returning: Returning | None) -> None:
+    def __init__(self, work: Work, names: Names, expressions: Lowerer) -> None:
         self._work = work
         self._names = names
         self._expressions = expressions
-        self._returning = returning
-        self._binding = Binding(work, names)
-
-    def walk(self, body: Sequence[Any]) -> list[Any]:
-        """Statements as they are lowered. What is refused is kept, and the walk goes on behind it."""
-        found: list[Any] = []
-        for statement in body:
-            with self._work.inside() as lowered:
-                try:
-                    self._statement(statement)
-                except Refusal as refusal:
-                    if refusal.what:
-                        self._work.refusals.append(refusal)
-                    self._names.lost.update(stored_names(ast.walk(statement)))
-            syntax.located(lowered, statement)
-            found += lowered
-        if body and not found:  # its last array needs no statement
-            found.append(ast.copy_location(ast.Pass(), body[0]))
-        return found
-
-    def finish(self) -> None:
-        """What can be judged at the end only."""
-        self._binding.judge()
-
-    def _statement(self, s: Any) -> None:
-        match s:
-            case ast.Assign():
-                self._assign(s, s.targets, s.value)
-            case ast.AnnAssign() if s.value is not None:
-                self._assign(s, [s.target], s.value)
-            case ast.AugAssign():
-                self._augmented(s)
-            case ast.Expr():
-                self._expression(s)
-            case ast.If():
-                self._if(s)
-            case ast.For():
-                self._for(s)
-            case ast.While():
-                self._while(s)
-            case ast.Return():
-                self._return(s)
-            case ast.Raise() | ast.Break() | ast.Continue():
-                self._work.emit(s)
-                self._names.bound = None
-            case ast.Assert():
-                self._work.emit(self._expressions.rebuilt(s, test=self._expressions.number(s.test).node))
-            case _:
-                self._work.emit(s)
-
-    def _expression(self, s: ast.Expr) -> None:
-        value = self._expressions.lower(s.value)
-        if isinstance(value, Scalar):
-            self._work.emit(self._expressions.rebuilt(s, value=value.node))
-
-    # ---- stores ----
+        self._binding = ArrayNames(work, names)
 
     def _assign(self, s: Any, targets: Sequence[Any], node: Any) -> None:
         value = self._expressions.lower(node, self._into(targets))
@@ -225,6 +169,66 @@ class ArrayStatements:
             kept = s.target if known.node is s.target else kept
         self._work.emit(self._expressions.rebuilt(s, target=kept, value=value.node))
 
+
+class ArrayStatements(_Stores):
+    """The walk through the statements of one function."""
+
+    def __init__(self, work: Work, names: Names, expressions: Lowerer, returning: Returning | None) -> None:
+        super().__init__(work, names, expressions)
+        self._returning = returning
+
+    def walk(self, body: Sequence[Any]) -> list[Any]:
+        """Statements as they are lowered. What is refused is kept, and the walk goes on behind it."""
+        found: list[Any] = []
+        for statement in body:
+            with self._work.inside() as lowered:
+                try:
+                    self._statement(statement)
+                except Refusal as refusal:
+                    if refusal.what:
+                        self._work.refusals.append(refusal)
+                    self._names.lost.update(stored_names(ast.walk(statement)))
+            syntax.located(lowered, statement)
+            found += lowered
+        if body and not found:  # its last array needs no statement
+            found.append(ast.copy_location(ast.Pass(), body[0]))
+        return found
+
+    def finish(self) -> None:
+        """What can be judged at the end only."""
+        self._binding.judge()
+
+    def _statement(self, s: Any) -> None:
+        match s:
+            case ast.Assign():
+                self._assign(s, s.targets, s.value)
+            case ast.AnnAssign() if s.value is not None:
+                self._assign(s, [s.target], s.value)
+            case ast.AugAssign():
+                self._augmented(s)
+            case ast.Expr():
+                self._expression(s)
+            case ast.If():
+                self._if(s)
+            case ast.For():
+                self._for(s)
+            case ast.While():
+                self._while(s)
+            case ast.Return():
+                self._return(s)
+            case ast.Raise() | ast.Break() | ast.Continue():
+                self._work.emit(s)
+                self._names.bound = None
+            case ast.Assert():
+                self._work.emit(self._expressions.rebuilt(s, test=self._expressions.number(s.test).node))
+            case _:
+                self._work.emit(s)
+
+    def _expression(self, s: ast.Expr) -> None:
+        value = self._expressions.lower(s.value)
+        if isinstance(value, Scalar):
+            self._work.emit(self._expressions.rebuilt(s, value=value.node))
+
     # ---- branches and loops ----
 
     def _if(self, s: ast.If) -> None:
@@ -234,7 +238,9 @@ class ArrayStatements:
         taken, self._names.bound = self._names.bound, before
         orelse = self.walk(s.orelse)
         self._names.meet(taken, self._names.bound)
-        self._work.emit(self._expressions.rebuilt(s, test=test, body=_same(s.body, body), orelse=_same(s.orelse, orelse)))
+        self._work.emit(
+            self._expressions.rebuilt(s, test=test, body=_same(s.body, body), orelse=_same(s.orelse, orelse))
+        )
 
     def _for(self, s: ast.For) -> None:
         iterator, values, entered = iterated(self._expressions, s.iter, s.target)
@@ -292,4 +298,3 @@ def _same(old: list[Any], new: list[Any]) -> list[Any]:
 def _array(value: Value) -> Array:
     assert isinstance(value, Array)
     return value
-

@@ -35,7 +35,7 @@ class Size:
         return Size(exact=self.exact).plus(self, factor)
 
     def at_most(self) -> Size:
-        """This as a bound."""
+        """The same as a bound."""
         return Size(self.number, self.terms, False)
 
     def of(self, sizes: Mapping[str, int]) -> int:

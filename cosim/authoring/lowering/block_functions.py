@@ -20,7 +20,9 @@ def lowered(declaration: Declaration, function: Function) -> LoweredFunction:
     return _of(declaration, function)[1]
 
 
-def refusals(declaration: Declaration, function: Function, complete: bool) -> tuple[list[tuple[Text, Refusal]], set[int]]:
+def refusals(
+    declaration: Declaration, function: Function, complete: bool
+) -> tuple[list[tuple[Text, Refusal]], set[int]]:
     """What is wrong with the arrays in a function, and the nodes that are lowered, by id.
 
     complete: whether all names of the module are known.
@@ -55,5 +57,3 @@ def _argument(declaration: Declaration, function: Function, name: str) -> Value:
         return Scalar(syntax.name(name), element)
     shape = tuple(of_axis(size) for size in variable.shape or (1,))
     return stored(name, name, ArrayKind(shape, element))
-
-

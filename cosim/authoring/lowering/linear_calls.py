@@ -172,7 +172,7 @@ def solve(work: Work, a: Value, b: Value, into: Into | None, node: Any) -> Value
     return room
 
 
-def inverse(work: Work, a: Value, axis: int | None, into: Into | None, node: Any) -> Value | None:
+def inverse(work: Work, a: Value, _axis: int | None, into: Into | None, node: Any) -> Value | None:
     """``np.linalg.inv``."""
     factors = _factorised(work, a, node)
     if factors is None:
@@ -181,4 +181,3 @@ def inverse(work: Work, a: Value, axis: int | None, into: Into | None, node: Any
     room = work.result(lu.kind, [lu], into, node, lu.size_at)
     work.emit(ast.Expr(syntax.call(work.add("_inverted", routines.inverted), *map(_name, (lu, rows, room)))))
     return room
-

@@ -6,12 +6,12 @@ import ast
 from typing import Any
 
 from cosim.authoring.lowering import syntax
-from cosim.authoring.lowering.array_expressions import ArrayExpressions
 from cosim.authoring.lowering.lowered_values import WHOLE, Array, ArrayKind, Scalar, Value, stored
+from cosim.authoring.lowering.work import Lowerer
 from cosim.authoring.scope import resolve
 
 
-def iterated(expressions: ArrayExpressions, node: Any, target: Any) -> tuple[Any, dict[str, Value], bool]:
+def iterated(expressions: Lowerer, node: Any, target: Any) -> tuple[Any, dict[str, Value], bool]:
     """What is gone through as it is lowered, what the loop's names stand for, and whether there is a first turn."""
     function = None
     if isinstance(node, ast.Call) and not expressions.names.is_local(node.func):
@@ -32,12 +32,13 @@ def iterated(expressions: ArrayExpressions, node: Any, target: Any) -> tuple[Any
     return getattr(value, "node", node), _names(target, Scalar(target)), False
 
 
-def _together(
-    expressions: ArrayExpressions, node: ast.Call, target: Any, function: Any
-) -> tuple[Any, dict[str, Value], bool]:
+def _together(expressions: Lowerer, node: ast.Call, target: Any, function: Any) -> tuple[Any, dict[str, Value], bool]:
     """Behind `enumerate` and `zip`, each name goes through its own source."""
     values = [expressions.lower(a) for a in node.args]
-    lying = [expressions.work.materialised(v, a) if isinstance(v, Array) else v for v, a in zip(values, node.args, strict=True)]
+    lying = [
+        expressions.work.materialised(v, a) if isinstance(v, Array) else v
+        for v, a in zip(values, node.args, strict=True)
+    ]
     arguments = [
         syntax.name(v.storage) if isinstance(v, Array) else getattr(v, "node", a)
         for v, a in zip(lying, node.args, strict=True)

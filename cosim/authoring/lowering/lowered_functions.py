@@ -27,7 +27,8 @@ from cosim.authoring.scope import scope_of
 class LoweredFunction:
     """A function as the engines run it; temporaries: of which it takes memory behind the author's arguments.
 
-    changed: whether it is another than the author's. result, is_view: see `Returning`; written: the arguments that it writes.
+    changed: whether it is another than the author's. result, is_view: see `Returning`; written: the arguments that it
+    writes.
     """
 
     python: Any
@@ -72,9 +73,7 @@ class Session:
                 self._known[key] = self._lowered(python, text, arguments, is_helper)
         return self._known[key]
 
-    def _lowered(
-        self, python: Any, text: Text, arguments: Mapping[str, Value], is_helper: bool
-    ) -> LoweredFunction:
+    def _lowered(self, python: Any, text: Text, arguments: Mapping[str, Value], is_helper: bool) -> LoweredFunction:
         scope = scope_of(cast("types.FunctionType", python))
         names = {n for n in python.__code__.co_names if n in python.__globals__}
         self.texts.append((python, text.node))
@@ -192,7 +191,9 @@ def _with_arguments(work: Work, node: ast.Call, python: types.FunctionType, give
     if isinstance(function, ast.Attribute):  # of a module, which compiled code cannot follow
         work.changed = True
         function = ast.copy_location(syntax.name(work.add(f"{python.__name__}_", python)), function)
-    if function is node.func and all(nodes[key] is old or getattr(nodes[key], "id", "") == getattr(old, "id", None) for key, old in own):
+    if function is node.func and all(
+        nodes[key] is old or getattr(nodes[key], "id", "") == getattr(old, "id", None) for key, old in own
+    ):
         return node
     keywords = [ast.keyword(k.arg, nodes[str(k.arg)]) for k in node.keywords]
     return ast.Call(function, [nodes[str(k)] for k in range(len(node.args))], keywords)
@@ -236,7 +237,9 @@ def _changed(
     numbers = numbers_in(lowered.result)
     back = work.fresh("_back") if numbers else ""
     work.emit(syntax.assign(back, called) if numbers else ast.Expr(called))
-    parts = [syntax.name(back)] if numbers == 1 else [syntax.element(back, [syntax.constant(k)]) for k in range(numbers)]
+    parts = (
+        [syntax.name(back)] if numbers == 1 else [syntax.element(back, [syntax.constant(k)]) for k in range(numbers)]
+    )
     return _handed_back(lowered.result, own, iter(parts))
 
 

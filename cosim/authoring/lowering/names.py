@@ -29,9 +29,7 @@ class Names:
     is_helper: otherwise it is a block's, of which it is said elsewhere that an argument gets another value.
     """
 
-    def __init__(
-        self, function: Any, arguments: Mapping[str, Value], scope: dict[str, Any], is_helper: bool
-    ) -> None:
+    def __init__(self, function: Any, arguments: Mapping[str, Value], scope: dict[str, Any], is_helper: bool) -> None:
         self.is_helper = is_helper
         self.values: dict[str, Value] = dict(arguments)
         self.arguments = frozenset(arguments)

@@ -76,4 +76,3 @@ def _alike(a: Value, b: Value) -> bool:
     if isinstance(a, Array) and isinstance(b, Array):
         return a.axes == b.axes
     return type(a) is type(b)
-

@@ -54,9 +54,7 @@ def computed(operator: ast.operator, left: Scalar, right: Scalar) -> Size | None
     return None
 
 
-def shape_of(
-    kind: ArrayKind, indices: Sequence[Any], size: Callable[[Any], Size | None]
-) -> tuple[Size, ...] | None:
+def shape_of(kind: ArrayKind, indices: Sequence[Any], size: Callable[[Any], Size | None]) -> tuple[Size, ...] | None:
     """The shape that indices leave of an array; None where they do not fit it."""
     shape: list[Size] = []
     axis = 0

@@ -6,10 +6,10 @@ import ast
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 from cosim.authoring.lowering import syntax
-from cosim.authoring.lowering.axis_sizes import agree
+from cosim.authoring.lowering.axis_sizes import Size, agree
 from cosim.authoring.lowering.lowered_values import (
     REAL,
     Array,
@@ -50,11 +50,11 @@ class Into:
 
 
 @dataclass
-class Work:
-    """What the lowering of one function gathers.
+class LoweredText:
+    """The statements of a function that is being lowered.
 
     used: all names in it; dimensions: those of whose sizes memory may be; scope: its global names, to which helpers
-    are added; handled: of the author's nodes those that are lowered, by id; changed: whether there was anything to lower;
+    are added; handled: of the author's nodes those that are lowered, by id; changed: whether anything was lowered;
     in_place: names whose elements the author writes.
     """
 
@@ -106,6 +106,30 @@ class Work:
         finally:
             self.body = outer
 
+    def named(self, value: Scalar) -> Scalar:
+        """A number that is computed once."""
+        node = value.node
+        plain = isinstance(node, (ast.Name, ast.Constant))
+        if plain or (isinstance(node, ast.UnaryOp) and isinstance(node.operand, ast.Constant)):
+            return value
+        name = self.fresh("_number")
+        self.emit(syntax.assign(name, node))
+        return replace(value, node=syntax.name(name))
+
+    def over(self, sizes: Sequence[Any], body: Callable[[list[Any]], list[Any]]) -> None:
+        """Loops along axes, the last one inside; body: the statements at some indices."""
+        counters = [self.fresh("_i") for _ in sizes]
+        statements = body([syntax.name(c) for c in counters])
+        for counter, size in reversed(list(zip(counters, sizes, strict=True))):
+            statements = [syntax.loop(counter, size, statements)]
+        self.emit(*statements)
+        self.used.difference_update(counters)  # they may count again
+
+
+@dataclass
+class Work(LoweredText):
+    """The same, with the memory of arrays, and what is stored there."""
+
     # ---- memory ----
 
     def room(self, kind: ArrayKind, node: Any, name: str = "", sizes: Callable[[int], Any] | None = None) -> Array:
@@ -120,7 +144,9 @@ class Work:
             self.temporaries.append(Temporary(name, kind))
             return stored(name, name, kind)
         whole = self.fresh("_work")
-        self.temporaries.append(Temporary(whole, replace(kind, shape=tuple(replace(s, exact=True) for s in kind.shape))))
+        self.temporaries.append(
+            Temporary(whole, replace(kind, shape=tuple(replace(s, exact=True) for s in kind.shape)))
+        )
         name = name or self.fresh("_part")
         assert sizes is not None
         cuts = [ast.Slice(None, sizes(axis)) for axis in range(len(kind.shape))]
@@ -156,27 +182,6 @@ class Work:
         exact = all(size.exact for size in kind.shape)
         fits = known.kind == kind and exact
         return known if fits and known.root not in roots else self.room(kind, node, sizes=sizes)
-
-    def named(self, value: Scalar) -> Scalar:
-        """A number that is computed once."""
-        node = value.node
-        plain = isinstance(node, (ast.Name, ast.Constant))
-        if plain or (isinstance(node, ast.UnaryOp) and isinstance(node.operand, ast.Constant)):
-            return value
-        name = self.fresh("_number")
-        self.emit(syntax.assign(name, node))
-        return replace(value, node=syntax.name(name))
-
-    # ---- loops ----
-
-    def over(self, sizes: Sequence[Any], body: Callable[[list[Any]], list[Any]]) -> None:
-        """Loops along axes, the last one inside; body: the statements at some indices."""
-        counters = [self.fresh("_i") for _ in sizes]
-        statements = body([syntax.name(c) for c in counters])
-        for counter, size in reversed(list(zip(counters, sizes, strict=True))):
-            statements = [syntax.loop(counter, size, statements)]
-        self.emit(*statements)
-        self.used.difference_update(counters)  # they may count again
 
     def each(self, target: Array, value: Array | Scalar) -> None:
         """Put each element of a value, which fits, into a storage."""
@@ -291,3 +296,24 @@ def value_type(value: Array | Scalar) -> str:
     """Of what type its elements are."""
     return value.kind.element if isinstance(value, Array) else value.element
 
+
+class Lowerer(Protocol):
+    """What lowers the expressions of a function."""
+
+    work: Work
+    names: Any
+
+    def lower(self, node: Any, into: Into | None = None) -> Value:
+        """What an expression stands for. Raises: Refusal."""
+
+    def number(self, node: Any) -> Scalar:
+        """An expression that is no array. Raises: Refusal."""
+
+    def size(self, node: Any) -> Size | None:
+        """The size that an expression is."""
+
+    def rebuilt(self, node: Any, **parts: Any) -> Any:
+        """The node with other parts; the node itself where they are the same."""
+
+    def part(self, node: ast.Subscript, owner: Array) -> Value:
+        """An element of an array, or a view of some."""

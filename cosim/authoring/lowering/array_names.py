@@ -11,7 +11,7 @@ from cosim.authoring.lowering.names import Names
 from cosim.authoring.lowering.work import Refusal, Work
 
 
-class Binding:
+class ArrayNames:
     """What local names of arrays are.
 
     For Python two names may be one array. An argument is never replaced by another array, so that a name of a part of

@@ -99,7 +99,6 @@ def _mean(work: Work, array: Array) -> Scalar:
 
 def _extreme(function: Any) -> Callable[[Work, Array], Scalar]:
     def of(work: Work, array: Array) -> Scalar:
-        array = array if array.view is not None else array
         called = work.add("_extreme", function)
         begin = array.at([syntax.constant(0)] * array.axes)
         step = lambda name, e: [syntax.assign(name, syntax.call(called, syntax.name(name), e))]  # noqa: E731
@@ -130,14 +129,14 @@ def squares(work: Work, array: Array) -> Any:
     return syntax.name(reduced(work, array, syntax.constant(0.0), step))
 
 
-def norm(work: Work, array: Array, axis: int | None, into: Into | None, node: Any) -> Value | None:
+def norm(work: Work, array: Array, axis: int | None, _into: Into | None, node: Any) -> Value | None:
     """The Euclidean norm of a vector, or Frobenius's of a matrix."""
     if axis is not None or len(node.args) > 1:
         return None
     return Scalar(syntax.call(work.add("_root", math.sqrt), squares(work, array)), REAL)
 
 
-def trace(work: Work, array: Array, axis: int | None, into: Into | None, node: Any) -> Value | None:
+def trace(work: Work, array: Array, axis: int | None, _into: Into | None, node: Any) -> Value | None:
     """The sum of a matrix's diagonal."""
     if axis is not None or array.axes != 2:
         return None
