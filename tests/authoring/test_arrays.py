@@ -2,11 +2,14 @@
 
 import ctypes
 import importlib.util
+import re
 import textwrap
 
 import numpy as np
 import pytest
 
+from cosim.authoring import authors
+from cosim.authoring.block import mistakes_wait
 from cosim.authoring.declaration import is_scalar, variable_of
 from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling import compiler
@@ -16,6 +19,7 @@ from cosim.compiling.interpreted.arrays import array_view
 from cosim.compiling.interpreted.functions import interpreted
 from cosim.compiling.interpreted.numbers import number
 from cosim.machine import object_code
+from cosim.terminal import cli
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
@@ -242,3 +246,105 @@ def test_engines_agree_to_the_bit_and_with_numpy(cases, constants):
         np.testing.assert_allclose(
             compiled, run_as_numpy_does(function, declaration), rtol=1e-12, atol=1e-13, err_msg=case
         )
+
+
+#: What is refused where it is declared: (statements, what is said, the fix, column)
+REFUSED = {
+    "two shapes": ("y[:] = u + np.ones(2)", r"shapes \(3,\) and \(2,\) in `u \+ np.ones\(2\)`", "slice", 16),
+    "shapes behind a dimension": ("q[:] = v + v[1:]", r"shapes \(n,\) and \(n - 1,\)", "slice", 16),
+    "a product": ("y[:] = M @ u[:2]", r"multiplies arrays of shapes \(n, 3\) and \(2,\)", "last axis", 16),
+    "a product the wrong way": ("y[:] = A @ np.zeros((2, 3))", r"shapes \(3, 3\) and \(2, 3\)", "last axis", 16),
+    "too long for its place": ("y[:2] = u", r"shape \(3,\) where one of shape \(2,\)", "slice", 9),
+    "a matrix in a vector": ("y[:] = A", r"shape \(3, 3\) where one of shape \(3,\)", "", 9),
+    "a vector for a number": ("s[0] = u", r"shape \(3,\) where one number", "element", 9),
+    "a vector as a truth value": ("if u > w: y[0] = 1.0", "the array `u > w` where a number", "np.any", 12),
+    "another shape": (
+        "e = u * 1.0; e = u[:2] * 1.0; y[0] = e[0]",
+        r"shape \(2,\) where one of shape \(3,\)",
+        "slice",
+        22,
+    ),
+    "another kind": ("e = u * 1.0; e = k; y[0] = e", "`e` to an array and to a number", "name for each", 22),
+    "on one path": ("if k > 0: e = u * 1.0\n        y[:] = e", "may read `e` before it has a value", "every path", 16),
+    "a size of a run": ("y[:] = np.zeros(int(k))", r"size `int\(k\)` is known only", "np.zeros", 25),
+    "a mask": ("y[:] = u[u > 0.0]", "the elements that `u > 0.0` says", "np.where", 18),
+    "a function of numbers": ("y[0] = math.sin(u)", "gives an array to `sin`", "np.sin", 16),
+    "ragged rows": ("Y[:] = np.array([[1.0, 2.0], [1.0]])", "not equally long", "as many", 16),
+    "two names for one": (
+        "e = u * 1.0\n        for i in range(2):\n            e = e * 2.0\n        f = e; f[0] = 7.0; y[:] = e + f",
+        "makes `f` another name for memory of `e`",
+        "copy",
+        9,
+    ),
+    "what numpy has more": ("y[:] = np.cumsum(u)", r"calls `np.cumsum\(\)`", "loop", 16),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_lowered_is_said_with_its_place(tmp_path, case):
+    body, words, fix, column = REFUSED[case]
+    (tmp_path / "own.py").write_text(refused_text(body))
+    spec = importlib.util.spec_from_file_location("own", tmp_path / "own.py")
+    module = importlib.util.module_from_spec(spec)
+    with mistakes_wait():
+        spec.loader.exec_module(module)
+    begin = (tmp_path / "own.py").read_text().splitlines().index(f"    def outputs({ARGUMENTS}, y, Y, q, s):") + 1
+    (said,) = [m for m in authors.mistakes(module.Own.declaration) if m.position.line > begin]  # y may be unwritten
+    assert re.search(words, said.message), said
+    assert fix in said.fix and said.position.column == column
+    assert said.position.line == begin + 1 + body.count("\n")  # the last line
+
+
+def refused_text(body):
+    declared = HEAD[: HEAD.index("class Cases")].replace("import numpy", "import math\nimport numpy")
+    inputs = HEAD[HEAD.index("    u = ") :]
+    outputs = '    y = Output(3)\n    Y = Output(3, 3)\n    q = Output("n")\n    s = Output()\n'
+    return f"{declared}class Own(Block):\n{inputs}{outputs}    def outputs({ARGUMENTS}, y, Y, q, s):\n        {body}\n"
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_sizes_that_only_a_run_knows_are_compared_in_both_engines(tmp_path, monkeypatch, capsys, engine):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "from cosim import Block, Input, Output\n\nclass Own(Block):\n"
+        "    a = Input('n', start=1)\n    b = Input('m', start=1)\n    y = Output('n')\n"
+        "    def outputs(a, b, y):\n        y[:] = a + 2.0 * b\n"
+    )
+    for sizes, code in (("{n: 3, m: 3}", 0), ("{n: 3, m: 2}", 1)):
+        (tmp_path / "d.yaml").write_text(
+            f"run: {{stop: 1, step: 1}}\nblocks:\n  b: {{python: 'own.py:Own', dimensions: {sizes}}}\n"
+        )
+        assert cli.main(["run", "d.yaml", "--engine", engine]) == code
+    said = capsys.readouterr().err
+    assert "ValueError: an array of size 3 does not fit one of size 2 (own.py:8)" in said and "block b" in said
+
+
+@pytest.mark.parametrize("engine", ["native", "python"])
+def test_a_singular_matrix_ends_the_run(tmp_path, monkeypatch, capsys, engine):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\nfrom cosim import Block, Output, Parameter\n\nclass Own(Block):\n"
+        "    A = Parameter(2, 2, default=1)\n    y = Output(2)\n"
+        "    def outputs(A, y):\n        y[:] = np.linalg.solve(A, np.ones(2))\n"
+    )
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 1}\nblocks:\n  b: {python: 'own.py:Own'}\n")
+    assert cli.main(["run", "d.yaml", "--engine", engine]) == 1
+    said = capsys.readouterr().err
+    assert "ValueError: the matrix given to np.linalg.solve is singular (own.py:8)" in said
+
+
+def test_an_edited_helper_takes_effect(tmp_path, monkeypatch, capsys):
+    """The key of compiled code covers helpers that are lowered, and what they call."""
+    monkeypatch.chdir(tmp_path)
+    text = (
+        "import numpy as np\nfrom cosim import Block, Output\n\ndef inner(x):\n    return x * 2.0\n\n"
+        "def helper(x):\n    return inner(x) + np.ones(2)\n\nclass Own(Block):\n    y = Output(2)\n"
+        "    def outputs(y):\n        y[:] = helper(np.array([1.0, 2.0]))\n"
+    )
+    (tmp_path / "d.yaml").write_text(
+        "run: {stop: 1, step: 1}\nblocks:\n  b: {python: 'own.py:Own'}\nmetrics: {y: {signal: b.y, reduce: final}}\n"
+    )
+    for old, new, wanted in (("", "", "[3.0, 5.0]"), ("x * 2.0", "x * 3.0", "[4.0, 7.0]")):
+        (tmp_path / "own.py").write_text(text.replace(old, new) if old else text)
+        assert cli.main(["run", "d.yaml", "--json"]) == 0
+        assert f'"y": {wanted}' in capsys.readouterr().out

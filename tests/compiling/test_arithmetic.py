@@ -347,7 +347,6 @@ REFUSED = {
     "r[0] = math.lgamma(zero)": r"calls `math\.lgamma\(\)`, which the two engines do not have alike",
     "r[0] = np.lib.stride_tricks.as_strided(r, (9,), (8,))[8]": "which the two engines do not have alike",
     "r[0] = numba.carray(two, 9)[8]": "carray",
-    "r[0] = tools.jitted(two, 0)": "a function that cannot be checked",
     "r[0] = vectorized(zero)": "not among what",
     "r[0] = C_COS(zero)": "a function that cannot be checked",
     "r[0] = zero if i > 8 else i": "an integer on one path and a real number on another",

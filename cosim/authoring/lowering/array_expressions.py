@@ -154,9 +154,10 @@ class _Parts:
 
     def _item(self, node: ast.Subscript, owner: Several) -> Value:
         index = node.slice
-        if not isinstance(index, ast.Constant) or not 0 <= index.value < len(owner.items):
+        number = index.value if isinstance(index, ast.Constant) else None
+        if type(number) is not int or not 0 <= number < len(owner.items):
             self.work.refuse(node, "takes an item of a tuple of arrays", "take the tuple apart, such as a, b = …")
-        return owner.items[index.value]
+        return owner.items[number]
 
     def _tuple(self, node: ast.Tuple) -> Value:
         values = [self.lower(e) for e in node.elts]

@@ -38,7 +38,8 @@ class Names:
         self.bindings = bindings(function)
         self.local = {*self.bindings, *arguments}
         self.scope = {name: value for name, value in scope.items() if name not in self.local}
-        self._added_to = {n.target.id for n in ast.walk(function) if _adds_to_name(n)}
+        added = (n.target for n in ast.walk(function) if isinstance(n, ast.AugAssign))
+        self._added_to = {target.id for target in added if isinstance(target, ast.Name)}
         self._in_loops = {id(n) for loop in _loops(function) for n in ast.walk(loop)}
 
     def is_local(self, node: Any) -> bool:
@@ -81,10 +82,6 @@ class Names:
 
 def _loops(function: Any) -> Iterable[Any]:
     return (n for n in ast.walk(function) if isinstance(n, ast.For | ast.While))
-
-
-def _adds_to_name(node: Any) -> bool:
-    return isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name)
 
 
 def kind_of_constant(node: Any, value: Any) -> Scalar:

@@ -140,7 +140,7 @@ def written_out(lowerer: Lowerer, node: ast.Call, into: Into | None) -> Value | 
     if not isinstance(content, ast.List | ast.Tuple):
         return copy(lowerer, lowerer.lower(content), into, node)
     lowerer.work.handled |= {id(n) for n in ast.walk(content) if isinstance(n, ast.List | ast.Tuple)}
-    rows = [e.elts if isinstance(e, ast.List | ast.Tuple) else e for e in content.elts]
+    rows: list[Any] = [e.elts if isinstance(e, ast.List | ast.Tuple) else e for e in content.elts]
     if not rows:
         return None
     if all(isinstance(row, list) for row in rows):

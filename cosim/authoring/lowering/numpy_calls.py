@@ -46,7 +46,10 @@ def _sign(lowerer: Lowerer, node: ast.Call, _into: Into | None) -> Value | None:
         return None
     value = lowerer.lower(node.args[0])
     name = lowerer.work.add("_sign", sign)
-    make = lambda e: syntax.call(name, syntax.call("float", e))  # noqa: E731
+
+    def make(e: Any) -> Any:
+        return syntax.call(name, syntax.call("float", e))
+
     if isinstance(value, Scalar):
         lowerer.work.changed = True
         return Scalar(make(value.node), REAL)

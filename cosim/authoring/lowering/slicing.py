@@ -81,7 +81,7 @@ def _sliced(whole: Size, node: ast.Slice, size: Callable[[Any], Size | None]) ->
     numbers = [None if part is None else part.constant for part in (lower, upper)]
     known = all(n is not None or part is None for n, part in zip(numbers, (node.lower, node.upper), strict=True))
     if known and whole.constant is not None:
-        return Size(len(range(*slice(*numbers, by).indices(whole.constant))))
+        return Size(len(range(*slice(numbers[0], numbers[1], by).indices(whole.constant))))
     if by == 1 and known and whole.exact:
         return _cut(whole, numbers[0], numbers[1], node)
     if by == 1 and lower is not None and upper is not None and not (node.lower is None or node.upper is None):

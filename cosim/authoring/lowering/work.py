@@ -275,8 +275,8 @@ class Work(LoweredText):
             a, b = (arrays[k].kind for k in fitted.wrong)
             fix = "make both of one shape, or take a slice of the longer one"
             self.refuse(node, f"computes with arrays of shapes {a} and {b} in `{syntax.brief(node)}`", fix)
-        for (a, i), (b, j) in fitted.checks:
-            self.check_sizes(arrays[a].size_at(i), arrays[b].size_at(j))
+        for (k, axis), (other, own) in fitted.checks:
+            self.check_sizes(arrays[k].size_at(axis), arrays[other].size_at(own))
         return fitted
 
     def match(self, a: Array, axis: int, b: Array, other: int, node: Any) -> None:
