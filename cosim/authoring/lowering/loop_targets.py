@@ -27,6 +27,8 @@ def iterated(expressions: Lowerer, node: Any, target: Any) -> tuple[Any, dict[st
     value = expressions.lower(node)
     if isinstance(value, Array):
         lying = expressions.work.materialised(value, node)
+        if lying.root not in expressions.names.arguments and lying.view is not None:
+            lying = expressions.work.copied(lying, node)  # its memory may get another content in the loop
         name = node if lying.storage == getattr(node, "id", "") else syntax.name(lying.storage)
         return name, _of(target, lying), True
     return getattr(value, "node", node), _names(target, Scalar(target)), False

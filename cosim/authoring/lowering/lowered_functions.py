@@ -80,6 +80,8 @@ class Session:
         self.seen.append((python.__globals__, {n: python.__globals__[n] for n in names}))
         used = {n.id for n in ast.walk(text.node) if isinstance(n, ast.Name)} | {*arguments, *python.__globals__}
         work = Work(used, self.dimensions, scope)
+        if is_helper:
+            work.sharing = frozenset(name for name, value in arguments.items() if isinstance(value, Array))
         known = Names(text.node, arguments, scope, is_helper)
         returning = Returning() if is_helper else None
         expressions = ArrayExpressions(work, known, self._call)
@@ -117,7 +119,7 @@ class Session:
         if any(isinstance(v, Several) for v in arguments.values()):
             fix = "give it the arrays one by one"
             work.refuse(node, f"gives a tuple of arrays to {python.__name__}()", fix)
-        kinds = {name: _as_argument(name, value, arguments) for name, value in arguments.items()}
+        kinds = {name: _as_argument(name, value) for name, value in arguments.items()}
         before = len(self.refusals)
         lowered = self.function(python, kinds, is_helper=True)
         if len(self.refusals) > before:
@@ -165,11 +167,10 @@ def _bound(
     return found
 
 
-def _as_argument(name: str, value: Value, arguments: Mapping[str, Value]) -> Value:
-    """What an argument stands for inside the helper: arrays that it is given may share memory."""
+def _as_argument(name: str, value: Value) -> Value:
+    """What an argument stands for inside the helper."""
     if isinstance(value, Array):
-        root = next(n for n, v in arguments.items() if isinstance(v, Array))
-        return stored(name, root, value.kind)
+        return stored(name, name, value.kind)
     return Scalar(syntax.name(name), getattr(value, "element", ""), getattr(value, "size", None))
 
 
@@ -211,10 +212,15 @@ def _unchanged(
     result = lowered.result
     if not isinstance(result, Array):
         return Scalar(called, result.element if isinstance(result, Scalar) else "")
-    roots = [v.root for v in lying.values() if isinstance(v, Array)]
     name = work.fresh("_view")
     work.emit(syntax.assign(name, called))
-    return stored(name, roots[0], result.kind)
+    return stored(name, _root(lying, result), result.kind)
+
+
+def _root(given: Mapping[str, Value], view: Array) -> str:
+    """To whose memory a view of an argument belongs for the caller."""
+    argument = given.get(view.root)
+    return argument.root if isinstance(argument, Array) else view.root
 
 
 def _changed(
@@ -231,7 +237,7 @@ def _changed(
     if lowered.is_view and isinstance(lowered.result, Array):
         name = work.fresh("_view")
         work.emit(syntax.assign(name, called))
-        return stored(name, given[0].root, lowered.result.kind)
+        return stored(name, _root(lying, lowered.result), lowered.result.kind)
     if lowered.result is None or isinstance(lowered.result, Scalar):
         return Scalar(called, lowered.result.element if lowered.result else "")
     numbers = numbers_in(lowered.result)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,9 +65,9 @@ class Array:
         """How many there are."""
         return len(self.kind.shape)
 
-    def is_read_in_order(self, root: str, storage: str) -> bool:
-        """Whether its elements may be put into a storage one by one."""
-        return all(a.storage == storage for a in self.reads if a.root == root)
+    def is_read_in_order(self, roots: Container[str], storage: str) -> bool:
+        """Whether its elements may be put into a storage one by one; roots: whose memory the storage may share."""
+        return all(a.storage == storage for a in self.reads if a.root in roots)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ class Returning:
         view = isinstance(value, Array) and value.view is not None and value.root in names.arguments
         if self.result is None:
             self.is_view = view
-        elif self.is_view != view or not _alike(self.result, value):
+        elif self.is_view != view or not _alike(self.result, value) or (view and _root(self.result) != _root(value)):
             fix = "return arrays of one shape on every path, with .copy() where one is an argument"
             work.refuse(s, "returns values of two kinds", fix)
         if isinstance(value, Scalar) or view:
@@ -42,18 +42,23 @@ class Returning:
         with work.inside() as statements:
             known = self.result
             numbers: list[Any] = []
-            self.result = self._kept(work, value, known, numbers, s)
+            self.result = self._kept(work, names, value, known, numbers, s)
         back = numbers[0] if len(numbers) == 1 else ast.Tuple(numbers, ast.Load()) if numbers else None
         return [*statements, ast.Return(back)]
 
-    def _kept(self, work: Work, value: Value, known: Value | None, numbers: list[Any], s: Any) -> Value:
+    def _kept(
+        self, work: Work, names: Names, value: Value, known: Value | None, numbers: list[Any], s: Any
+    ) -> Value:
         """Put arrays into memory that outlasts the call, and gather the numbers."""
         if isinstance(value, Scalar):
             numbers.append(work.named(value).node)
             return Scalar(value.node, value.element if known is None else UNKNOWN)
         if isinstance(value, Several):
             old = known.items if isinstance(known, Several) else [None] * len(value.items)
-            return Several(tuple(self._kept(work, v, k, numbers, s) for v, k in zip(value.items, old, strict=True)))
+            return Several(tuple(self._kept(work, names, v, k, numbers, s) for v, k in zip(value.items, old, strict=True)))
+        if value.view is not None and value.root in names.arguments:
+            what = f"returns a part of its argument `{value.root}` among others, which would be the same memory"
+            work.refuse(s, what, "return a copy, with .copy()")
         if not all(size.exact for size in value.kind.shape):
             fix = "have it fill an array that it is given"
             work.refuse(s, "returns an array whose size is known only while it runs", fix)
@@ -63,6 +68,10 @@ class Returning:
         room = work.room(value.kind, s)
         work.each(room, value)
         return room
+
+
+def _root(value: Value) -> str:
+    return value.root if isinstance(value, Array) else ""
 
 
 def numbers_in(value: Value) -> int:

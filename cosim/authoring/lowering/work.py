@@ -55,7 +55,7 @@ class LoweredText:
 
     used: all names in it; dimensions: those of whose sizes memory may be; scope: its global names, to which helpers
     are added; handled: of the author's nodes those that are lowered, by id; changed: whether anything was lowered;
-    in_place: names whose elements the author writes.
+    in_place: names whose elements the author writes; sharing: names that may stand for the same memory.
     """
 
     used: set[str]
@@ -68,10 +68,15 @@ class LoweredText:
     body: list[Any] = field(default_factory=list)
     changed: bool = False
     in_place: set[str] = field(default_factory=set)
+    sharing: frozenset[str] = frozenset()
 
     def writes(self, array: Array) -> None:
         """Elements of an array are written in place."""
         self.in_place |= {array.root, array.storage}
+
+    def sharing_with(self, root: str) -> frozenset[str]:
+        """All names that may stand for the same memory as one."""
+        return self.sharing if root in self.sharing else frozenset({root})
 
     def refuse(self, node: Any, what: str, fix: str) -> NoReturn:
         """Raises: Refusal."""
@@ -180,8 +185,8 @@ class Work(LoweredText):
             return self.room(kind, node, into.name if into else "", sizes)
         known, roots = into.known, {a.root for array in given for a in array.reads}
         exact = all(size.exact for size in kind.shape)
-        fits = known.kind == kind and exact
-        return known if fits and known.root not in roots else self.room(kind, node, sizes=sizes)
+        fits = known.kind == kind and exact and not roots & self.sharing_with(known.root)
+        return known if fits else self.room(kind, node, sizes=sizes)
 
     def each(self, target: Array, value: Array | Scalar) -> None:
         """Put each element of a value, which fits, into a storage."""
@@ -202,7 +207,7 @@ class Work(LoweredText):
                 return
             self.check_fit(value, target, node)
             brought = replace(value, reads=reads_of(value, target.kind.shape))
-            if not brought.is_read_in_order(target.root, target.storage):
+            if not brought.is_read_in_order(self.sharing_with(target.root), target.storage):
                 value = self.copied(value, node)
         if value_type(value) == REAL != target.kind.element:
             fix = "begin it with real numbers, such as 0.0 for 0, or make whole numbers with int(…)"
