@@ -10,10 +10,21 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # as of `typing`, without the time that it takes
 if TYPE_CHECKING:
+    from cosim.authoring import random
     from cosim.authoring.block import Block, Measure
     from cosim.authoring.rules import Course, condition, rule
-    from cosim.authoring.variables import CalculatedParameter, Dimension, Indicator, Input, Local, Output
-    from cosim.authoring.variables import Parameter, State
+    from cosim.authoring.variables import (
+        CalculatedParameter,
+        Dimension,
+        Indicator,
+        Input,
+        Local,
+        Output,
+        Parameter,
+        Seed,
+        State,
+        Stream,
+    )
     from cosim.engine.outcome import Outcome
     from cosim.engine.run import Run
     from cosim.errors import CosimError
@@ -31,7 +42,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "cosim.authoring.block": "Block Measure",
     "cosim.authoring.rules": "Course condition rule",
-    "cosim.authoring.variables": "CalculatedParameter Dimension Indicator Input Local Output Parameter State",
+    "cosim.authoring.variables": "CalculatedParameter Dimension Indicator Input Local Output Parameter Seed State "
+    "Stream",
     "cosim.engine.outcome": "Outcome",
     "cosim.engine.run": "Run",
     "cosim.errors": "CosimError",
@@ -63,8 +75,10 @@ __all__ = [
     "Parameter",
     "ParameterStudy",
     "Run",
+    "Seed",
     "State",
     "SteppedRun",
+    "Stream",
     "StudyTable",
     "condition",
     "describe",
@@ -73,6 +87,7 @@ __all__ = [
     "load",
     "load_study",
     "open_result",
+    "random",
     "rule",
     "study",
 ]
@@ -100,6 +115,8 @@ sys.modules[__name__].__class__ = _Package
 
 def __getattr__(name: str) -> object:
     """Imported only when asked for, so that the command line soon hears Ctrl-C."""
+    if name == "random":
+        return import_module("cosim.authoring.random")
     if name not in _HOME:
         raise AttributeError(f"module `{__name__}` has no attribute `{name}`")
     return getattr(import_module(_HOME[name]), name)

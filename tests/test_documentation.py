@@ -1,5 +1,6 @@
 """The documentation: every block of code in it runs, as its reader would, where only the package is installed; no link is
-broken."""
+broken.
+"""
 
 from __future__ import annotations
 

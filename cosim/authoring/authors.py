@@ -19,6 +19,7 @@ from cosim.authoring.author_source import Text, arguments_of, function_text, sho
 from cosim.authoring.dataflow.effects import Effects, LeftOut
 from cosim.authoring.dataflow.following import effects
 from cosim.authoring.declaration import PREFIXES, Declaration, Function, is_scalar, variable_of
+from cosim.authoring.lowering.block_functions import refusals
 from cosim.authoring.scope import scope_of
 from cosim.authoring.shared_operations import unshared
 from cosim.authoring.variables import Local, State, Variable
@@ -65,7 +66,9 @@ def _of_function(declaration: Declaration, function: Function, complete: bool) -
     yield from about.of_effects(found)
     yield from about.of_names(complete)
     if declaration.compiled:
-        for where, node, what, fix in unshared(function.python):
+        refused, handled = refusals(declaration, function, complete)
+        wrong = [(where, refusal.node, refusal.what, refusal.fix) for where, refusal in refused]
+        for where, node, what, fix in (*unshared(function.python, handled), *wrong):
             by = "" if where.node is text.node else f", called by {about.name}"
             who = about.name if not by else f"{where.node.name}()"
             yield DeclarationError(f"{who}{by}: {what}", where.place(node), fix)

@@ -10,8 +10,7 @@ A block is a class::
         T = Parameter(unit="s", default=1.0, description="time constant")
 
         def derivatives(u, x, T, d_x):
-            for q in range(x.size):
-                d_x[q] = (u[q] - x[q]) / T
+            d_x[:] = (u - x) / T
 
 Its functions are plain functions over arrays (no `self`), so they can be called alone, in a test or a notebook. What a
 function *reads* are the variables that it names; what it *writes*, in place, follows from its kind:
@@ -52,8 +51,16 @@ later, as that of a controller which computes for as long. Between two samples a
 
 Numbers are float64, int64 and bool, whatever the width in which a variable is stored, and behave alike to the bit
 compiled and interpreted: real numbers as IEEE 754 has them (1/0 is infinite, ``math.sqrt(-1)`` is NaN), integers wrap;
-integer division by zero, and a number that its variable cannot hold, stop the run. What the two could not do alike
-(sums over arrays, new arrays, other functions than ``math``'s) is refused with its line.
+integer division by zero, and a number that its variable cannot hold, stop the run.
+
+Whole arrays are computed with as numpy does: ``d_x[:] = A @ x + B @ u``, ``e = u - x[2:4]``, ``A.T @ e``, ``e *= 0.5``,
+``np.zeros(x.size)``, ``np.array([a, b])``, ``np.linalg.solve`` and ``inv`` (of small matrices), ``norm``, ``np.sum``, ``min``,
+``max`` and ``mean`` (also along an axis), ``np.where``, ``clip``, ``outer``, ``cross``, functions of numbers such as ``np.sin``
+of each element, and helpers of the module that take and return arrays, numbers and tuples of them. All that becomes
+loops in memory that is laid out before the run, the same for both engines (`cosim.authoring.lowering`). Sizes of new
+arrays follow from dimensions; arrays that do not fit each other are a mistake of the text, or stop the run where only
+the run knows their sizes. An axis is repeated only where it is of size 1 in the text, as in ``u[:, None] * w``. Random
+numbers come from a `Stream`, see `cosim.authoring.random`. What the two engines could not do alike is refused with its line.
 """
 
 from __future__ import annotations

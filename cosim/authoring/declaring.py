@@ -19,6 +19,7 @@ from cosim.authoring.variables import (
     Parameter,
     Period,
     State,
+    Stream,
     Variable,
 )
 from cosim.errors import DeclarationError, Problems, nearest
@@ -159,6 +160,7 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
             message = f"block {declaration.name}: event() names no indicator, so it cannot know what has happened"
             fix = "name the indicators that it answers to, and look which of them is not 0"
             problems.add(DeclarationError(message, naming.place_in(declaration.home, function.name), fix))
+    _check_streams(declaration, problems)
     for kind, classes in _WRITTEN.items():
         if kind == "start":
             continue
@@ -168,3 +170,12 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
                 message = f"block {declaration.name}: no {kind}() function computes `{variable.name}`"
                 fix = f"name `{variable.name}` as an argument of {kind}()"
                 problems.add(DeclarationError(message, naming.place_in(declaration.home, variable.name), fix))
+
+
+def _check_streams(declaration: Declaration, problems: Problems) -> None:
+    """Streams of random numbers are begun by the block."""
+    for stream in declaration.of(Stream):
+        if not any(stream.name in f.writes for f in declaration.kind("start")):
+            message = f"block {declaration.name}: no start() begins the stream `{stream.name}`"
+            fix = f"declare seed = Seed(), and write def start(seed, {stream.name}): random.begin({stream.name}, seed)"
+            problems.add(DeclarationError(message, naming.place_in(declaration.home, stream.name), fix))

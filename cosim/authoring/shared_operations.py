@@ -11,7 +11,7 @@ import ast
 import builtins
 import math
 import types
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import Any
 
 import numpy as np
@@ -64,8 +64,11 @@ WORLD = frozenset(
 WORK_SPACE = "declare work space as a Local, or use a tuple for a few numbers"
 
 
-def unshared(function: Any) -> Iterator[tuple[Text, Any, str, str]]:
-    """What a function and its helpers do that the engines do not share: (text, node, what, fix)."""
+def unshared(function: Any, lowered: Container[int]) -> Iterator[tuple[Text, Any, str, str]]:
+    """What a function and its helpers do that the engines do not share: (text, node, what, fix).
+
+    lowered: the nodes that become loops, by id.
+    """
     waiting, seen = [function], set()
     while waiting:
         current = waiting.pop()
@@ -77,7 +80,8 @@ def unshared(function: Any) -> Iterator[tuple[Text, Any, str, str]]:
         for name in current.__code__.co_varnames:
             scope.pop(name, None)
         for node, what, fix in _found(text.node, scope):
-            yield text, node, what, fix
+            if id(node) not in lowered:
+                yield text, node, what, fix
         for argument in text.node.args.kwonlyargs:
             what = f"takes `{argument.arg}` by name only, which compiled code cannot"
             yield text, argument, what, "leave out the `*` before it"

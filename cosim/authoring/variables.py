@@ -143,6 +143,16 @@ class State(Variable):
         return "output" if self.output else "local"
 
 
+class Stream(State):
+    """Where a block's random numbers come from, see `cosim.authoring.random`: a discrete state of a key and a count.
+
+    `start` begins it, and `update` draws from ``next_<name>``.
+    """
+
+    def __init__(self, description: str = "random numbers: the seed, and how many have been drawn") -> None:
+        super().__init__(2, dtype="int64", start=0, description=description)
+
+
 class Parameter(Variable):
     """A value fixed before the run; without a default, a diagram has to set it.
 
@@ -154,6 +164,16 @@ class Parameter(Variable):
     def __init__(self, *shape: int | str, default: Any = None, start: Any = None, **more: Any) -> None:
         super().__init__(*shape, start=default, **more)
         self.misnamed = start is not None
+
+
+class Seed(Parameter):
+    """What tells one stream of random numbers from another: a whole number, which a diagram has to set.
+
+    No two members of a fleet may have the same, nor two blocks: they would draw the same numbers.
+    """
+
+    def __init__(self, description: str = "seed of the random numbers, for each member and block another one") -> None:
+        super().__init__(dtype="int64", description=description)
 
 
 class CalculatedParameter(Variable):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
+from cosim.authoring.lowering.axis_sizes import Size
+from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.fingerprint.text import fingerprint
-from cosim.compiling.frame import INSTANCES, frame_of
+from cosim.compiling.frame import INSTANCES, Frame, frame_of
 
 
 @dataclass(frozen=True)
@@ -35,17 +38,18 @@ class KernelSource:
 def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> KernelSource:
     """The kernel around one function of a block."""
     text = adapter_text(declaration, function, constants)
-    digest = fingerprint(function.python, lines=True)
+    run = lowered(declaration, function)
+    digest = fingerprint(function.python, lines=True) + (fingerprint(run.python, lines=True) if run.changed else "")
 
     def meaning() -> str:
-        return fingerprint(function.python) + text
+        return fingerprint(function.python) + (fingerprint(run.python) if run.changed else "") + text
 
     def build() -> Callable[..., int]:
         from cosim.authoring import authors
         from cosim.compiling import arithmetic, intrinsics
 
         authors.check([declaration], function)
-        scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": function.python}
+        scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": run.python}
         exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)  # noqa: S102  # a text of ours
         adapter: Callable[..., int] = scope["adapter"]
         return adapter
@@ -69,6 +73,7 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
     frame = frame_of(declaration, function, constants)
     lines = ["def adapter(time, base, frame):"]
     lines += [f"    {name}_size = size(frame[{word}])" for name, word in frame.dimensions.items()]
+    lines += _temporaries(declaration, function, constants, frame)
     lines += [f"    for k in range(frame[{INSTANCES}]):", "        instance(k)"]
     for argument, slot in frame.slots.items():
         variable = variable_of(declaration, argument)
@@ -80,9 +85,32 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
             sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
             view = f"array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))"
             lines.append(f"        {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
-    call = ", ".join("time" if a == "time" else f"{a}_" for a in function.arguments)
+    given = (*function.arguments, *(t.name for t in lowered(declaration, function).temporaries))
+    call = ", ".join("time" if a == "time" else f"{a}_" for a in given)
     lines += [f"        function({call})", "    return 0", ""]
     return "\n".join(lines)
+
+
+def _temporaries(
+    declaration: Declaration, function: Function, constants: dict[str, int], frame: Frame
+) -> Iterator[str]:
+    """The lines that make arrays of what a function needs memory for; all instances share it."""
+    for temporary in lowered(declaration, function).temporaries:
+        kind = temporary.kind.element
+        sizes = [_size(size, constants) for size in temporary.kind.shape]
+        if slot := frame.work.get(temporary.name):
+            pointer = f"pointer_{kind}(base, frame[{slot}])"
+        else:
+            pointer = f"stack_{kind}({math.prod(size.of(constants) for size in temporary.kind.shape)})"
+        yield f"    {temporary.name}_ = array({pointer}, ({', '.join(sizes)},))"
+
+
+def _size(size: Size, constants: dict[str, int]) -> str:
+    """A size as a text, of numbers and of the sizes of run-time dimensions."""
+    if size.dimensions() <= {*constants}:
+        return str(size.of(constants))
+    terms = [f"{factor} * {constants.get(name, f'{name}_size')}" for name, factor in size.terms]
+    return " + ".join([*terms, str(size.number)])
 
 
 def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSource:

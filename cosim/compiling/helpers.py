@@ -22,6 +22,7 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.types import BooleanLiteral, IntegerLiteral, unliteral
 
 from cosim.authoring.author_source import shown
+from cosim.authoring.lowering import routines
 from cosim.compiling import checks, intrinsics
 from cosim.compiling.fingerprint.text import fingerprint
 from cosim.compiling.linking import Codegen
@@ -127,6 +128,9 @@ def with_compiled_globals(
             scope[name] = value
         value = getattr(value, "py_func", value)  # an author's jitted function is compiled as the others are
         if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
+            continue
+        if value is routines.same_size:
+            scope[name] = intrinsics.same_size
             continue
         if value.__module__ == memory.__name__:
             value = getattr(intrinsics, value.__name__)

@@ -48,9 +48,25 @@ def _load(number: Any) -> Any:
     return load
 
 
+def _stack(number: Any) -> Any:
+    """An intrinsic: a pointer to so many numbers, which last as long as the function that asks for them runs."""
+    kind = types.CPointer(number)
+
+    @intrinsic(prefer_literal=True)
+    def stack(context: Any, count: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            whole = ir.ArrayType(context.get_data_type(number), count.literal_value)
+            return builder.bitcast(cgutils.alloca_once(builder, whole), context.get_value_type(kind))
+
+        return kind(count), generate
+
+    return stack
+
+
 for _name, _number in NUMBERS.items():
     globals()[f"pointer_{_name}"] = _pointer(_number)
     globals()[f"load_{_name}"] = _load(_number)
+    globals()[f"stack_{_name}"] = _stack(_number)
 
 
 def _view(number: Any, code: Any) -> Any:
@@ -80,6 +96,19 @@ def size(context: Any, size: Any) -> Any:
 def read_only(context: Any, array: Any) -> Any:
     """The array, of a type for which numba refuses what writes to it, also through views and helpers."""
     return array.copy(readonly=True)(array), lambda context, builder, signature, arguments: arguments[0]
+
+
+@intrinsic
+def same_size(context: Any, size: Any, needed: Any) -> Any:
+    """`cosim.authoring.lowering.routines.same_size`, compiled."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        with cgutils.if_unlikely(builder, builder.icmp_signed("!=", *arguments)):
+            text = "ValueError: an array of size %lld does not fit one of size %lld"
+            context.call_conv.return_fault(builder, text, *arguments)
+        return context.get_dummy_value()
+
+    return types.none(types.int64, types.int64), generate
 
 
 @intrinsic

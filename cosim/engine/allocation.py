@@ -10,7 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Variable
+from cosim.compiling.frame import in_arena
 from cosim.machine.memory import ALIGNMENT, private
 from cosim.master.histories import head, words
 from cosim.wiring.clocks import exact
@@ -49,6 +51,7 @@ class Allocation:
         self.histories: dict[Signal, int] = {}
         self.fresh: dict[Signal, Place] = {}
         self.first: list[tuple[int, np.ndarray]] = []
+        self._work: dict[tuple[str, str], dict[str, tuple[int, int]]] = {}
 
     def arena(self) -> np.ndarray:
         """The arena as a run begins with it."""
@@ -68,6 +71,17 @@ class Allocation:
         offset = self.allocate(content.nbytes)
         self.first.append((offset, content))
         return offset
+
+    def work(self, component: Component, function: Function) -> dict[str, tuple[int, int]]:
+        """Where the memory is, which all instances share, that a function needs besides its arguments."""
+        key = component.name, function.name
+        if key not in self._work:
+            sizes = {name: axis.size for name, axis in component.axes.items()}
+            self._work[key] = {}
+            for temporary in in_arena(component.declaration, function, component.constants()):
+                shape = [size.of(sizes) for size in temporary.kind.shape]
+                self._work[key][temporary.name] = self.constant(np.zeros(shape, temporary.kind.element)), 0
+        return self._work[key]
 
     def bytes_of(self, signal: Signal) -> int:
         """The size of a signal over all instances."""

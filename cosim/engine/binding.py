@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.kernels import Kernels
 from cosim.engine import interpretation
 from cosim.engine.probes import Buffers
@@ -88,11 +89,16 @@ class Binding:
     def _python(self, n: int) -> Callable[[float], int]:
         """The n-th call as plain Python."""
         call = self._program.calls[n]
-        declaration = self._program.network.components[call.component].declaration
+        component = self._program.network.components[call.component]
+        declaration = component.declaration
         if foreign := declaration.foreign:
             base = self._arena.ctypes.data
             return lambda time: foreign.kernel(time, base, base + call.frame)
-        return interpretation.python_of(self._arena, call, declaration.compiled, self._texts, self.causes)
+        function = lowered(declaration, call.function)
+        sizes = {name: axis.size for name, axis in component.axes.items()}
+        work = [np.zeros([size.of(sizes) for size in t.kind.shape], t.kind.element) for t in function.temporaries]
+        run = interpretation.Interpreted(function.python, work, declaration.compiled)
+        return interpretation.python_of(self._arena, call, run, self._texts, self.causes)
 
     def fill(self, buffers: Buffers) -> None:
         """Fill the control block."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,27 +16,39 @@ from cosim.master import tables
 TEXT_BYTES = 1024  # of what a function that raised says
 
 
+@dataclass(frozen=True)
+class Interpreted:
+    """A function as it is interpreted: with memory of its own; compiled: it computes as compiled functions do."""
+
+    python: Callable[..., Any]
+    work: Sequence[np.ndarray]
+    compiled: bool
+
+
 def python_of(
-    arena: np.ndarray, call: Call, compiled: bool, texts: np.ndarray, causes: list[BaseException]
+    arena: np.ndarray, call: Call, function: Interpreted, texts: np.ndarray, causes: list[BaseException]
 ) -> Callable[[float], int]:
     """A call: the author's function over views of the arena, for each instance. Returns a function of the time (s).
 
-    compiled: it computes as compiled functions do. What it raises is left in the frame, with the text in `texts`, and
+    What it raises is left in the frame, with the text in `texts`, and
     kept in `causes`.
     """
+    from cosim.compiling.interpreted.arrays import array_view
     from cosim.compiling.interpreted.functions import interpreted  # which takes long to import
 
+    compiled = function.compiled
     arguments = [
         _views(arena, call, compiled, a, p) for a, p in zip(call.function.arguments, call.arguments, strict=True)
     ]
-    python = interpreted(call.function.python) if compiled else call.function.python
+    python = interpreted(function.python) if compiled else function.python
+    work = [array_view(array) for array in function.work]
 
     def run(time: float) -> int:
         instance = 0
         try:
             with np.errstate(all="ignore"):
                 for instance in range(call.count):
-                    python(*[np.float64(time) if a is None else a[instance]() for a in arguments])
+                    python(*[np.float64(time) if a is None else a[instance]() for a in arguments], *work)
         except (Exception, SystemExit) as error:  # noqa: BLE001  # an exit would be lost, and the run go on
             faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
             causes.append(error)

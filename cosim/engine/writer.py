@@ -91,7 +91,8 @@ class Writer:
         places = {name: self.layout.argument(component, function, name, stage, hidden) for name in function.arguments}
         frame = frame_of(component.declaration, function, component.constants())
         sizes = {name: component.axes[name].size for name in frame.dimensions}
-        placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None}
+        work = self.layout.work(component, function)
+        placed = {name: (place.offset, place.stride) for name, place in places.items() if place is not None} | work
         offset = self.layout.constant(np.array(frame.words(component.count, sizes, placed), np.int64))
         self._row(tables.CALL, len(self.calls), offset, clock=clock, at_end=at_end)
         seen = (_as_seen(component, name, place) for name, place in places.items())

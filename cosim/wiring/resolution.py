@@ -20,6 +20,7 @@ from cosim.wiring import (
     merging,
     named_signals,
     order,
+    seeds,
     sizes,
     wires,
 )
@@ -37,6 +38,8 @@ def wire(diagram: Diagram, problems: Problems | None = None, code: bool = True) 
     _connect(draft)
     _size(draft)
     given_values.evaluate(draft)
+    for repeated in seeds.repeated(draft):
+        draft.problems.add(repeated)
     matching.check(draft.components, draft.problems)
     named_signals.check(draft)
     order.check_given(draft)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ast
+import copy
 import linecache
 import types
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
+
+from cosim.authoring.lowering.lowered_functions import TREES
 
 #: What makes an integer of a truth value: under a name that no author can write.
 TRUTH = "truth of kernels"
@@ -16,6 +19,9 @@ TRUTH = "truth of kernels"
 def counting(python: types.FunctionType) -> types.CodeType:
     """A function's code in which truth values count; its own code where its text cannot be read."""
     code = python.__code__
+    if tree := TREES.get(code):  # which stands in no file
+        judged = compile(_Counting().visit(copy.deepcopy(tree)), code.co_filename, "exec", dont_inherit=True)
+        return next(_codes(judged))
     text = "".join(linecache.getlines(code.co_filename, python.__globals__))
     return next((judged for plain, judged in _module_codes(text, code.co_filename) if plain == code), code)
 

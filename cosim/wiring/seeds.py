@@ -1,0 +1,30 @@
+"""No two blocks, nor two members of a fleet, draw the same random numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cosim.authoring.variables import Seed
+from cosim.errors import WrongValue
+from cosim.wiring.draft import Draft
+
+
+def repeated(draft: Draft) -> Iterator[WrongValue]:
+    """Seeds that are given twice, at the place of the second."""
+    owners: dict[int, str] = {}
+    for component in draft.components.values():
+        for seed in component.declaration.of(Seed):
+            values = component.values.get(seed.name)
+            if values is None:
+                continue
+            for k, number in enumerate(np.broadcast_to(values, (component.count,)).tolist()):
+                member = f"{component.fleet} {k + 1} of {component.name}" if component.fleet else component.name
+                if (other := owners.setdefault(number, member)) != member:
+                    given = draft.values.get((component.name, seed.name))
+                    message = f"block {component.name}: {member} has the seed {number} of {other}, and so its numbers"
+                    own = "i" if component.fleet else str(max(owners) + 1)
+                    fix = f"give each another one, such as `{seed.name}: {own}`, or `{max(owners)} + i` in a fleet"
+                    yield WrongValue(message, given.position if given else component.entry.position, fix)
+                    break
