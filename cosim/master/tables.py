@@ -71,7 +71,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 71
+CONTROL_WORDS = 72
 (
     ROWS,
     BANKS,

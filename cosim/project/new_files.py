@@ -24,7 +24,8 @@ def write_all(files: Mapping[Path, str]) -> None:
     """
     there = [path for path in files if path.exists() or path.is_symlink()]
     if there:
-        names = ", ".join(f"`{path}`" for path in there)
+        more = f" and {len(there) - 3} more" if len(there) > 3 else ""
+        names = ", ".join(f"`{path}`" for path in there[:3]) + more
         verb = "are there already" if len(there) > 1 else "is there already"
         raise UsageError(f"{names} {verb}: nothing is replaced, and nothing was written", fix="choose another name")
     made: list[Path] = []

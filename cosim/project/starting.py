@@ -1,10 +1,14 @@
-"""What a new project begins with: a diagram, its blocks, a test, a study, settings for editors, a page to read."""
+"""What a new project begins with: a diagram, its blocks, a test, a study, settings for editors, a page to read.
+
+Or the framework's own diagrams, to be changed.
+"""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+import cosim
 from cosim.language import schema
 from cosim.language.keys import DIAGRAM
 from cosim.project.new_files import template, write_all
@@ -39,6 +43,14 @@ def begin(folder: Path) -> list[Path]:
     }
     write_all({folder / name: text for name, text in files.items()})
     return [folder / name for name in files]
+
+
+def examples(folder: Path) -> list[Path]:
+    """Write the framework's own diagrams and studies into a folder; its files. Raises: UsageError, OSError."""
+    [source] = [place for path in cosim.__path__ if (place := Path(path) / "diagrams").is_dir()]
+    found = {path.relative_to(source): path for path in sorted(source.rglob("*.yaml"))}
+    write_all({folder / name: path.read_text(encoding="utf-8") for name, path in found.items()})
+    return [folder / name for name in found]
 
 
 def schema_text(name: str) -> str:

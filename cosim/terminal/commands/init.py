@@ -9,24 +9,32 @@ from pathlib import Path
 from cosim.project import starting
 from cosim.terminal.screen import print_rows, say
 
+PROJECT = (
+    ["cosim run diagrams/motor.yaml", "a run, and its figures"],
+    ["cosim study studies/gains.yaml", "many runs"],
+    ["python -m pytest", "its tests, if pytest is installed"],
+    ["cosim new block ServoMotor", "a block of your own, with a test"],
+)
+EXAMPLES = (
+    ["cosim run formation.yaml", "the paper's six robots"],
+    ["cosim run motor.yaml", "a motor with a PID controller"],
+    ["cosim study studies/observers.yaml", "the paper's table of observers"],
+)
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, help="which is made if there is none; nothing in it is replaced")
+    help_ = "the framework's own diagrams and studies instead: the formation, a motor, a thermostat"
+    parser.add_argument("--examples", action="store_true", help=help_)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the project, and say what to do with it."""
-    files = starting.begin(options.folder)
+    files = starting.examples(options.folder) if options.examples else starting.begin(options.folder)
     say(f"written into {options.folder}:")
     say("".join(f"\n  {path.relative_to(options.folder)}" for path in files).lstrip("\n"))
     say("\nit runs as it is:")
     go = [] if options.folder.resolve() == Path.cwd() else [[f"cd {shlex.quote(str(options.folder))}", ""]]
-    steps = [
-        ["cosim run diagrams/motor.yaml", "a run, and its figures"],
-        ["cosim study studies/gains.yaml", "many runs"],
-        ["python -m pytest", "its tests, if pytest is installed"],
-        ["cosim new block ServoMotor", "a block of your own, with a test"],
-    ]
-    print_rows([*go, *steps], indent="  ")
+    print_rows([*go, *(EXAMPLES if options.examples else PROJECT)], indent="  ")
     return 0
