@@ -48,8 +48,8 @@ def variables(file: Any) -> dict[str, Any]:
 
 def rows(variable: Any) -> int:
     """How many there are: a kill may leave a variable that has grown without the chunks, which would be read as 0."""
-    chunks: int = variable.id.get_num_chunks()
-    return min(len(variable), chunks * variable.chunks[0])
+    indexed: int = variable.id.get_num_chunks() * variable.chunks[0]
+    return min(len(variable), indexed)
 
 
 def described(variable: Any) -> Recorded:
