@@ -105,11 +105,14 @@ def cross(c: Any, base: int, control: int, begun: float, reached: float) -> floa
 
 
 def linger(c: Any, base: int, control: int, event: float, end: float) -> int:
-    """Look at the indicators a moment after an event, which of them have crossed back. Returns the status."""
+    """Look at the indicators a moment after an event, which of them have crossed back. Returns the status.
+
+    The moment is one also where little is left of the step: FMUs take no step of no length.
+    """
     c[HAPPENED] = 0
     status = save(c, base, event)
     if status <= WARNING:
-        status = retry(c, base, control, event, event + (end - event) * MOMENT)
+        status = retry(c, base, control, event, event + max((end - event) * MOMENT, ROUNDING * abs(end)))
     n = c[N_INDICATORS]
     z, was, wanted = reals_at(base + c[Z], n), reals_at(base + c[WAS], n), reals_at(base + c[WANTED], n)
     for j in range(n):

@@ -349,7 +349,7 @@ Status do_step(Instance *i, double time, double size) {
     Progress *at = &i->at;
     if (at->ended) return tell(i, ERROR, LOG_ERROR, "doStep: a block has ended the simulation at t = %g s", at->time);
     if (!(size > 0) || !isfinite(size))
-        return tell(i, ERROR, LOG_ERROR, "doStep: a step of %g s is not positive", size);
+        return tell(i, ERROR, LOG_ERROR, "doStep: a step of %g s at t = %.17g s is not positive", size, time);
     if (!(fabs(time - at->time) <= 1e-6 * size + 1e-12 * fabs(time)))
         return tell(i, ERROR, LOG_ERROR, "doStep: begins at t = %.17g s, but this is at %.17g s", time, at->time);
     if (at->stop_defined && time + size > at->stop + 1e-6 * size)
