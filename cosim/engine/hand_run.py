@@ -24,6 +24,8 @@ class HandRun(Simulation):
             self._raise(status)
         if self.control[tables.ENDING] == tables.ENDED:
             self.termination = self.ended_by()
+        else:
+            self.control[tables.ARRIVED] = 1
 
     def forget_point(self) -> None:
         """Have what is published at this communication point be evaluated anew, with other inputs."""

@@ -77,7 +77,7 @@ _EXPONENT32 = 0x7F800000
 def run(_: float, base: int, control: int) -> int:
     """Go from the communication point TICK to the last one before LAST, in ticks. Returns the status.
 
-    With FINAL, LAST is evaluated and probed too; who goes on from there does not do so again.
+    With FINAL, LAST is evaluated and probed too; who goes on from there with ARRIVED does not have that done again.
     It returns early, with OK and TICK < LAST or FINAL still set, where a buffer of probes is full or STOP is set.
     """
     c, numbers = words_at(control, CONTROL_WORDS), reals_at(control, CONTROL_WORDS)
@@ -109,10 +109,10 @@ def run(_: float, base: int, control: int) -> int:
         if not are_finite(c, base, c[X], c[STATES]):
             return NON_FINITE
     if c[FINAL] != 0 and c[TICK] == c[LAST] < full_at(c):
-        status = reach(c, base, c[TICK], time_at(c, control, c[TICK])) if c[ARRIVED] == 0 else OK
+        status = reach(c, base, c[TICK], time_at(c, control, c[TICK]))
         if status > WARNING:
             return status
-        c[FINAL], c[ARRIVED] = 0, 1
+        c[FINAL] = 0
     return OK
 
 

@@ -144,7 +144,7 @@ CONTROL_WORDS = 72
     ENDED_AT,  # the time of the event that did, a float64 (s), between two communication points
     KEPT_ENDING,  # ENDING as it was when all was saved
     SOLVER,  # the address of what integrates all states in place of an integrator of ours; 0: nothing does
-    ARRIVED,  # whether TICK has been evaluated and probed already, as FINAL
+    ARRIVED,  # whether TICK has been evaluated and probed already, and nothing has changed since; then 0
 ) = range(CONTROL_WORDS)
 
 ENDED, BETWEEN = 2, 3  # what ENDING becomes: at a communication point, or at an event that lies between two
