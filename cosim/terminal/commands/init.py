@@ -12,7 +12,13 @@ from cosim.terminal.screen import print_rows, say
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("folder", type=Path, help="which is made if there is none; nothing in it is replaced")
+    parser.add_argument("folder", type=_folder, help="which is made if there is none; nothing in it is replaced")
+
+
+def _folder(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the folder has no name; `.` is the current one")
+    return Path(text)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -21,7 +27,10 @@ def run(options: argparse.Namespace) -> int:
     say(f"written into {options.folder}:")
     say("".join(f"\n  {path.relative_to(options.folder)}" for path in files).lstrip("\n"))
     say("\nit runs as it is:")
-    go = [] if options.folder.resolve() == Path.cwd() else [[f"cd {shlex.quote(str(options.folder))}", ""]]
+    there = str(options.folder)
+    go = [[f"cd {shlex.quote(f'./{there}' if there.startswith('-') else there)}", ""]]
+    if options.folder.resolve() == Path.cwd():
+        go = []
     steps = [
         ["cosim run diagrams/motor.yaml", "a run, and its figures"],
         ["cosim study studies/gains.yaml", "many runs"],
