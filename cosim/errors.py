@@ -343,7 +343,7 @@ class Problems:
         self.raise_if_any()
 
     def sorted(self) -> list[CosimError]:
-        """The mistakes in the order of file, line and column; a name that several settings or blocks miss is one."""
+        """The mistakes in the order of file, line and column; a name that is missed several times is one."""
         found: dict[str, list[CosimError]] = {}
         for error in sorted(self.errors, key=_place):
             found.setdefault(_wrong_name(error) or str(error), []).append(error)

@@ -33,7 +33,7 @@ SCHEMAS = {"diagram": (DIAGRAM, "A diagram of cosim"), "study": (STUDY, "A study
 
 def begin(folder: Path) -> list[Path]:
     """Write a project into a folder, which may be there; its files. Raises: UsageError, OSError."""
-    title = folder.resolve().name or "Project"
+    title = " ".join(folder.resolve().name.split()) or "Project"
     files = {
         **{name: template(text, title=title) for name, text in _FILES.items()},
         **{f".vscode/{name}.schema.json": schema_text(name) for name in SCHEMAS},

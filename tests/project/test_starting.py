@@ -40,6 +40,16 @@ def test_a_fresh_project_runs(tmp_path, monkeypatch, capsys, name):
             assert Path(word).exists(), word
 
 
+def test_folders_of_odd_names(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["init", ""]) == 2
+    assert "has no name" in capsys.readouterr().err and list(tmp_path.iterdir()) == []
+    assert cli.main(["init", "--", "-x"]) == 0
+    assert "cd ./-x" in capsys.readouterr().out
+    assert cli.main(["init", "two\nlines"]) == 0
+    assert Path("two\nlines/README.md").read_text().startswith("# two lines\n")
+
+
 def test_its_tests_and_those_of_a_new_block_pass(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["init", "."]) == 0

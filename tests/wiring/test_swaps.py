@@ -153,7 +153,8 @@ def test_a_name_in_another_unit_is_not_the_same(folder, monkeypatch):
 
     from cosim.wiring import library
 
-    monkeypatch.setattr(library, "_libraries", lambda: ({"Body": [own.Body], "Grams": [own.Grams]}, []))
+    found = {"Body": [own.Body], "Grams": [own.Grams]}
+    monkeypatch.setattr(library, "_libraries", lambda: (found, [], dict.fromkeys((own.Body, own.Grams), "own")))
     (folder / "base.yaml").write_text(BASE.replace("python: own.py:Body", "block: Body"))
     (error,) = mistakes("base.yaml", swaps=["body=Grams"])
     assert "parameters.mass at base.yaml:6:18 (in kg there, in g here)" in error.message

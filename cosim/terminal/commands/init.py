@@ -24,9 +24,15 @@ EXAMPLES = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("folder", type=Path, help="which is made if there is none; nothing in it is replaced")
+    parser.add_argument("folder", type=_folder, help="which is made if there is none; nothing in it is replaced")
     help_ = "the framework's own diagrams and studies instead: the formation, a motor, a thermostat"
     parser.add_argument("--examples", action="store_true", help=help_)
+
+
+def _folder(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the folder has no name; `.` is the current one")
+    return Path(text)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -35,6 +41,9 @@ def run(options: argparse.Namespace) -> int:
     say(f"written into {options.folder}:")
     say("".join(f"\n  {path.relative_to(options.folder)}" for path in files).lstrip("\n"))
     say("\nit runs as it is:")
-    go = [] if options.folder.resolve() == Path.cwd() else [[f"cd {shlex.quote(str(options.folder))}", ""]]
+    there = str(options.folder)
+    go = [[f"cd {shlex.quote(f'./{there}' if there.startswith('-') else there)}", ""]]
+    if options.folder.resolve() == Path.cwd():
+        go = []
     print_rows([*go, *(EXAMPLES if options.examples else PROJECT)], indent="  ")
     return 0
