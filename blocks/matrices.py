@@ -90,9 +90,11 @@ def double(a: NDArray, g: NDArray, h: NDArray, work: NDArray) -> None:
         for i in range(size):
             for j in range(size):
                 a[i, j] = work[2, i, j]
-        if change <= 1e-15 * largest < 1e100:
+                if not abs(h[i, j]) < 1e100:
+                    raise ValueError("the Riccati equation has no solution: what the inputs do not reach is unstable")
+        if change <= 1e-15 * largest:
             return
-    raise ValueError("the Riccati equation has no solution: what the inputs do not reach is unstable")
+    raise ValueError("the Riccati equation has no solution to which doubling converges")
 
 
 def cayley(a: NDArray, g: NDArray, h: NDArray, work: NDArray) -> None:

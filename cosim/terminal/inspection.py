@@ -77,9 +77,11 @@ def _dealt(wire: Wired) -> str:
 def print_blocks(name: str | None) -> None:
     """All blocks with a line each, or everything about one. Raises: UnknownBlock."""
     if name is None:
-        blocks = library.all_blocks()
-        print_rows([[n, _first_line(b.declaration)] for n, b in sorted(blocks.items())])
-        say("\n`cosim blocks NAME` shows one block's ports, parameters and equations.")
+        for title, blocks in _groups(library.all_blocks()).items():
+            print_wrapped(f"{title}:", 0)
+            print_rows([[n, _first_line(b.declaration)] for n, b in blocks.items()], indent="  ")
+            say("")
+        say("`cosim blocks NAME` shows one block's ports, parameters and equations.")
         return
     declaration = _block(name).declaration
     say(f"{declaration.name}\n\n{declaration.doc}\n")
@@ -100,6 +102,21 @@ def print_blocks(name: str | None) -> None:
         say("")
     for rule in declaration.rules:
         say(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
+
+
+def _groups(blocks: dict[str, type[Block]]) -> dict[str, dict[str, type[Block]]]:
+    """Blocks by the first line of their file's text, as they stand there; those alone in a file by their package's."""
+    files: dict[str, list[str]] = {}
+    for name, block in blocks.items():
+        files.setdefault(block.__module__, []).append(name)
+    groups: dict[str, dict[str, type[Block]]] = {}
+    for module, names in sorted(files.items(), key=lambda item: (len(item[1]) == 1, item[0])):
+        home = module if len(names) > 1 else module.rpartition(".")[0] or module
+        text = (getattr(sys.modules.get(home), "__doc__", None) or home).strip().partition("\n")[0].rstrip(".")
+        stem = f"{module.rpartition('.')[2].replace('_', ' ')} — " if len(names) > 1 else ""
+        order = list(vars(sys.modules[module]))
+        groups.setdefault(stem + text, {}).update((name, blocks[name]) for name in sorted(names, key=order.index))
+    return groups
 
 
 def _size(dimension: Dimension) -> str:

@@ -47,7 +47,7 @@ def test_the_motor_with_pid_anti_windup_saturation_and_a_load_step_is_scipys():
 
 
 def test_the_thermostats_limit_cycle_has_its_closed_form():
-    """K P = 20 and T = 500 s: from 10 to 12 degrees above it heats for T ln((20 - 10) / (20 - 12)); it cools likewise."""
+    """K P = 20 and T = 500 s: from 10 to 12 degrees above it heats for T ln(10 / 8), and cools likewise."""
     run = found("thermostat.yaml", "thermostat.y", "temperature.y")
     on = run["thermostat.y"] > 0
     assert run["temperature.y"][run["time"] > 400].min() >= 20 - 1e-9
