@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter, State, rule
+from cosim.blocks.kalman_steps import begin, correct, predict
 from cosim.blocks.matrices import add_product_transposed, cayley, double, invert, multiply, multiply_transposed
 
 
@@ -94,23 +95,12 @@ class KalmanFilter(Block):
     same = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
 
     def outputs(y, C, R, x, P, gain, x_hat, P_hat):
-        for i in range(x.size):
-            x_hat[i] = x[i]
-            for j in range(x.size):
-                P_hat[i, j] = P[i, j]
+        begin(x, P, x_hat, P_hat)
         for k in range(y.size):
-            innovation, variance = y[k], R[k]
+            innovation = y[k]
             for i in range(x.size):
                 innovation -= C[k, i] * x_hat[i]
-                gain[i] = 0.0
-                for j in range(x.size):
-                    gain[i] += P_hat[i, j] * C[k, j]
-            for i in range(x.size):
-                variance += C[k, i] * gain[i]
-            for i in range(x.size):
-                x_hat[i] += gain[i] / variance * innovation
-                for j in range(x.size):
-                    P_hat[i, j] -= gain[i] * gain[j] / variance
+            correct(innovation, C[k], R[k], x_hat, P_hat, gain)
 
     def update(u, A, B, Q, x_hat, P_hat, next_x, next_P):
         for i in range(x_hat.size):
@@ -120,12 +110,7 @@ class KalmanFilter(Block):
             for j in range(u.size):
                 total += B[i, j] * u[j]
             next_x[i] = total
-            for j in range(x_hat.size):
-                total = Q[i, j]
-                for k in range(x_hat.size):
-                    for q in range(x_hat.size):
-                        total += A[i, k] * P_hat[k, q] * A[j, q]
-                next_P[i, j] = total
+        predict(A, P_hat, Q, next_P)
 
 
 class LQR(Block):

@@ -11,7 +11,16 @@ TYPE_CHECKING = False  # as of `typing`, without the time that it takes
 if TYPE_CHECKING:
     from cosim.authoring.block import Block, Measure
     from cosim.authoring.rules import Course, condition, rule
-    from cosim.authoring.variables import CalculatedParameter, Dimension, Input, Local, Output, Parameter, State
+    from cosim.authoring.variables import (
+        CalculatedParameter,
+        Dimension,
+        Indicator,
+        Input,
+        Local,
+        Output,
+        Parameter,
+        State,
+    )
     from cosim.engine.outcome import Outcome
     from cosim.engine.run import Run, load
     from cosim.errors import CosimError

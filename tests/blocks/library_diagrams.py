@@ -11,7 +11,7 @@ from cosim.wiring import library
 #: The files of the library that are for everybody, as `cosim blocks` groups them.
 FILES = (
     *("sources", "arithmetic", "vector_parts", "nonlinear", "tables", "continuous", "pid", "filters"),
-    *("discrete", "logic", "sensors", "estimation_control"),
+    *("discrete", "logic", "sensors", "estimation_control", "predictive_control"),
 )
 VARIANTS = {"scalar": "", "vector": "", "fleet": ", per: robot"}
 
@@ -52,6 +52,7 @@ PARAMETERS = {
     "LQR": {"": f"{CHAIN}, B: [[0], [0], [1]]", "vector": f"{CHAIN}, B: [[0, 1], [0, 0], [1, 0]], R: [[1, 0], [0, 2]]"},
 }
 PARAMETERS["DiscreteLQR"] = PARAMETERS["LQR"]
+PARAMETERS["LinearMPC"] = {key: text + ", lower: -0.5, upper: 0.7" for key, text in PARAMETERS["LQR"].items()}
 PARAMETERS["StateSpaceFeedthrough"] = {key: text + ", D: 0.5" for key, text in PARAMETERS["StateSpace"].items()}
 PARAMETERS["DiscreteStateSpaceFeedthrough"] = {
     key: text.replace("-4, -1", "-0.4, -0.1") for key, text in PARAMETERS["StateSpaceFeedthrough"].items()

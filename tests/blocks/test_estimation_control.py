@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import linalg
+from scipy.optimize import lsq_linear
 
 from cosim.blocks.matrices import cayley, double, invert
 from tests.blocks.library_runs import run_diagram
@@ -103,3 +104,83 @@ def test_covariances_are_checked():
     text = f"run: {{stop: 1, step: 1}}\nblocks:\n  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
     with pytest.raises(Exception, match="R is symmetric, with positive eigenvalues"):
         run_diagram(text + f"  b: {{block: LQR, parameters: {{{bad}}}, inputs: {{x: x.y}}}}\n", "b.u")
+
+
+@pytest.mark.parametrize("limit", [10.0, 0.4])
+def test_predictive_control_is_scipys_bounded_least_squares(limit):
+    """The cost as a sum of squares of one matrix: scipy.optimize.lsq_linear, an active-set method."""
+    a, b, horizon = linalg.expm(0.2 * A), 0.2 * B, 6
+    reach = np.zeros((3 * horizon, 2 * horizon))
+    for k in range(horizon):
+        for j in range(k + 1):
+            reach[3 * k : 3 * k + 3, 2 * j : 2 * j + 2] = np.linalg.matrix_power(a, k - j) @ b
+    free = np.concatenate([np.linalg.matrix_power(a, k + 1) @ STATES for k in range(horizon)])
+    root, weight = np.sqrt(np.kron(np.eye(horizon), Q)), np.kron(np.eye(horizon), np.linalg.cholesky(R).T)
+    whole = np.concatenate([root @ reach, weight])
+    expected = lsq_linear(whole, np.concatenate([-root @ free, np.zeros(2 * horizon)]), (-limit, limit), tol=1e-14).x
+    text = (
+        "run: {stop: 0.2, step: 0.2}\nblocks:\n"
+        f"  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
+        f"  b: {{block: LinearMPC, period: 0.2, dimensions: {{horizon: {horizon}}}, inputs: {{x: x.y}}, parameters:"
+        f" {{A: {a.tolist()}, B: {b.tolist()}, Q: {Q.tolist()}, R: {R.tolist()}, lower: -{limit}, upper: {limit},"
+        " iterations: 2000}}\n"
+    )
+    found = run_diagram(text, "b.found", "b.residual", "b.u")
+    np.testing.assert_allclose(found["b.found"][0].ravel(), expected, atol=1e-8)
+    np.testing.assert_array_equal(found["b.u"][0], found["b.found"][0, 0])
+    assert found["b.residual"][0] < 1e-9
+    assert (abs(expected) > limit - 1e-6).any() == (limit < 1)
+
+
+PENDULUM = '''
+import math
+from cosim import Block, Input, Local, Output, Parameter, State
+from cosim.blocks.kalman_steps import begin, correct, predict
+
+
+class PendulumFilter(Block):
+    """Extended: x_1' = x_2, x_2' = -sin x_1, of which sin x_1 is measured."""
+
+    y = Input()
+    Q = Parameter(2, 2)
+    R = Parameter(default=0.01)
+    x = State(2, start=[0.5, 0.0])
+    P = State(2, 2, start=[[1.0, 0.0], [0.0, 1.0]])
+    gain = Local(2)
+    row = Local(2)
+    F = Local(2, 2)
+    x_hat = Output(2)
+    P_hat = Output(2, 2)
+
+    def outputs(y, R, period, x, P, gain, row, F, x_hat, P_hat):
+        begin(x, P, x_hat, P_hat)
+        row[0], row[1] = math.cos(x[0]), 0.0
+        correct(y - math.sin(x[0]), row, R, x_hat, P_hat, gain)
+        F[0, 0], F[0, 1], F[1, 0], F[1, 1] = 1.0, period, -period * math.cos(x_hat[0]), 1.0
+
+    def update(Q, period, F, x_hat, P_hat, next_x, next_P):
+        next_x[0] = x_hat[0] + period * x_hat[1]
+        next_x[1] = x_hat[1] - period * math.sin(x_hat[0])
+        predict(F, P_hat, Q, next_P)
+'''
+
+
+def test_an_extended_kalman_filter_of_ones_own_is_numpys(tmp_path):
+    (tmp_path / "own.py").write_text(PENDULUM)
+    q, dt = np.diag([1e-4, 1e-3]), 0.05
+    text = (
+        "run: {stop: 3, step: 0.05}\nblocks:\n  y: {block: Sine, parameters: {amplitude: 0.4, frequency: 0.2}}\n"
+        f"  b: {{python: {tmp_path}/own.py:PendulumFilter, period: 0.05, inputs: {{y: y.y}},"
+        f" parameters: {{Q: {q.tolist()}}}}}\n"
+    )
+    found = run_diagram(text, "y.y", "b.x_hat", "b.P_hat")
+    x, p = np.array([0.5, 0.0]), np.eye(2)
+    for k in range(61):
+        row = np.array([[np.cos(x[0]), 0.0]])
+        gain = p @ row.T / (row @ p @ row.T + 0.01)
+        x = x + gain[:, 0] * (found["y.y"][k] - np.sin(x[0]))
+        p = (np.eye(2) - gain @ row) @ p
+        np.testing.assert_allclose(found["b.x_hat"][k], x, atol=1e-11)
+        np.testing.assert_allclose(found["b.P_hat"][k], p, atol=1e-12)
+        f = np.array([[1, dt], [-dt * np.cos(x[0]), 1]])
+        x, p = np.array([x[0] + dt * x[1], x[1] - dt * np.sin(x[0])]), f @ p @ f.T + q
