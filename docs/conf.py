@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -31,6 +32,6 @@ pygments_style = "friendly"
 pygments_dark_style = "monokai"
 
 
-def setup(app):
+def setup(app: Any) -> None:
     """Write the pages that come from declarations before any is read."""
     app.connect("builder-inited", lambda app: reference_pages.write(Path(app.srcdir) / "reference"))

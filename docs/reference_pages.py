@@ -49,8 +49,9 @@ def _commands() -> Iterator[str]:
         yield f"## `cosim {name}`\n"
         yield f"{text[0].upper()}{text[1:]}.\n"
         yield from ("```text", command.format_usage().strip(), "```\n")
-        rows = [(_invocation(a), (a.help or "") % {"default": a.default}) for a in command._actions if a.help]
-        yield from _table(("argument", "meaning"), [(f"`{a}`", help) for a, help in rows if help != argparse.SUPPRESS])
+        told = [a for a in command._actions if a.help and a.help != argparse.SUPPRESS]
+        rows = [(f"`{_invocation(a)}`", str(a.help) % {"default": a.default}) for a in told]
+        yield from _table(("argument", "meaning"), rows)
 
 
 def _invocation(action: argparse.Action) -> str:

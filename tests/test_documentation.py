@@ -1,6 +1,4 @@
-"""The documentation: every block of code in it runs, as its reader would, where only the package is installed; no link is
-broken.
-"""
+"""The documentation: all code in it runs, for a reader who has only the package installed, and no link is broken."""
 
 from __future__ import annotations
 
@@ -61,7 +59,9 @@ def test_every_block_of_a_page_runs_from_top_to_bottom_in_an_empty_folder(page, 
 def run(line: str, folder: Path, environment: dict[str, str]) -> str:
     """What a line of the shell prints, which ends as it says."""
     wanted = CODE.search(line)
-    done = subprocess.run(line, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        ["sh", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
+    )
     assert done.returncode == int(wanted[1] if wanted else 0), f"{line}\n{done.stdout}{done.stderr}"
     assert "Traceback" not in done.stderr, done.stderr
     return done.stdout
@@ -86,16 +86,15 @@ def test_no_page_has_code_that_nothing_runs():
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert len(blocks(page)) == len(re.findall(r"^`{3,}", text, re.MULTILINE)) / 2, page
-        assert not [b for b in blocks(page) if b[0] in ("yaml",) and not b[1]], f"{page}: which file is it?"
+        assert not [b for b in blocks(page) if b[0] == "yaml" and not b[1]], f"{page}: which file is it?"
 
 
 def test_the_documentation_is_built_without_a_warning(tmp_path):
     """So all links between pages and to files lead somewhere, and all pages are in the table of contents."""
-    ignore = shutil.ignore_patterns("__pycache__", *(Path(name).name for name in WRITTEN))
-    shutil.copytree(DOCS, tmp_path / "docs", ignore=ignore)
+    shutil.copytree(DOCS, tmp_path / "docs", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "diagrams", tmp_path / "diagrams", ignore=shutil.ignore_patterns("results"))
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", tmp_path / "docs", tmp_path / "built"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "SlidingModeDifferentiator" in (tmp_path / "built" / "reference" / "blocks.html").read_text(encoding="utf-8")

@@ -11,10 +11,11 @@ from cosim.wiring import library
 #: The files of the library that are for everybody, as `cosim blocks` groups them.
 FILES = (
     *("sources", "arithmetic", "vector_parts", "nonlinear", "tables", "continuous", "pid", "filters"),
-    *("discrete", "logic", "sensors"),
+    *("discrete", "logic", "sensors", "estimation_control", "predictive_control"),
 )
 VARIANTS = {"scalar": "", "vector": "", "fleet": ", per: robot"}
 
+CHAIN = "A: [[0, 1, 0], [0, 0, 1], [0.1, 0.2, 0.3]], Q: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
 #: What a block cannot do without, by variant where it differs.
 PARAMETERS = {
     "TableSource": {
@@ -35,8 +36,23 @@ PARAMETERS = {
     "Square": {"": "frequency: 7"},
     "Step": {"": "at: 0.1234"},
     "Pulse": {"": "at: 0.05, width: 0.0333"},
-    "Log": {"": ""},
+    "Luenberger": {
+        "": "A: [[0, 1], [-4, -1]], B: [[0], [1]], C: [[1, 0]], L: [[1], [2]]",
+        "vector": (
+            "A: [[0, 1], [-4, -1]], B: [[0, 1, 1], [1, 0, 2]], C: [[1, 0], [0, 1], [1, 1]], L: [[1, 0, 1], [2, 1, 0]]"
+        ),
+    },
+    "KalmanFilter": {
+        "": "A: [[1, 0.1], [0, 1]], B: [[0], [1]], C: [[1, 0]], Q: [[0.1, 0], [0, 0.2]], R: [0.3]",
+        "vector": (
+            "A: [[1, 0.1], [0, 1]], B: [[0, 1, 1], [1, 0, 2]], C: [[1, 0], [0, 1], [1, 1]], Q: [[0.1, 0], [0, 0.2]],"
+            " R: [0.3, 0.1, 1]"
+        ),
+    },
+    "LQR": {"": f"{CHAIN}, B: [[0], [0], [1]]", "vector": f"{CHAIN}, B: [[0, 1], [0, 0], [1, 0]], R: [[1, 0], [0, 2]]"},
 }
+PARAMETERS["DiscreteLQR"] = PARAMETERS["LQR"]
+PARAMETERS["LinearMPC"] = {key: text + ", lower: -0.5, upper: 0.7" for key, text in PARAMETERS["LQR"].items()}
 PARAMETERS["StateSpaceFeedthrough"] = {key: text + ", D: 0.5" for key, text in PARAMETERS["StateSpace"].items()}
 PARAMETERS["DiscreteStateSpaceFeedthrough"] = {
     key: text.replace("-4, -1", "-0.4, -0.1") for key, text in PARAMETERS["StateSpaceFeedthrough"].items()

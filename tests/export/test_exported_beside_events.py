@@ -17,7 +17,7 @@ metrics: {last: {signal: plant.x, reduce: final}}
 
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "iterated"])
 def test_what_is_left_of_a_step_after_an_event_just_before_its_end_has_a_length(tmp_path, method):
-    """An FMU takes no step of 0 s; 1 - exp(-t), 0.5 s after the step of the input, to RK4's h^4 t exp(-t) / 120 = 2.5e-11."""
+    """An FMU takes no step of 0 s. 1 - exp(-t) half a second after the step, to RK4's h^4 t exp(-t) / 120 = 2.5e-11."""
     path = tmp_path / "d.yaml"
     path.write_text(DIAGRAM, encoding="utf-8")
     diagram = cosim.load(path).set({"run.method": method})

@@ -1,0 +1,203 @@
+"""Observers and state feedback for linear systems: Luenberger, Kalman, LQR."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter, State, rule
+from cosim.blocks.kalman_steps import begin, correct, predict
+from cosim.blocks.matrices import add_product_transposed, cayley, double, invert, multiply, multiply_transposed
+
+
+def is_covariance(Q: NDArray) -> bool:
+    """Whether a matrix is symmetric, with no negative eigenvalue."""
+    q = np.atleast_2d(Q)
+    return bool(np.allclose(q, q.T) and np.linalg.eigvalsh(q)[0] >= -1e-12 * abs(q).max())
+
+
+def is_definite(R: NDArray) -> bool:
+    """Whether a matrix is symmetric, with positive eigenvalues alone."""
+    r = np.atleast_2d(R)
+    return bool(np.allclose(r, r.T) and np.linalg.eigvalsh(r)[0] > 0.0)
+
+
+def prepare(A: NDArray, B: NDArray, Q: NDArray, R: NDArray, work: NDArray, inputs: NDArray, across: NDArray) -> None:
+    """What a Riccati equation is of: work[4] = A, work[5] = B R^-1 B^T, work[6] = Q; inputs[1] = R^-1."""
+    for i in range(R.shape[0]):
+        for j in range(R.shape[0]):
+            inputs[0, i, j] = R[i, j]
+    invert(inputs[0], inputs[1])
+    multiply(B, inputs[1], across[0])
+    for i in range(A.shape[0]):
+        for j in range(A.shape[0]):
+            work[4, i, j], work[5, i, j], work[6, i, j] = A[i, j], 0.0, Q[i, j]
+    add_product_transposed(across[0], B, work[5])
+
+
+class Luenberger(Block):
+    """An observer of a linear system's states, with a given gain.
+
+    ::
+
+        dx_hat/dt = A x_hat + B u + L (y - C x_hat)
+    """
+
+    u = Input("m?", description="what drives the system")
+    y = Input("p?", description="measurements")
+    A = Parameter("n", "n", description="system matrix")
+    B = Parameter("n", "m", description="input matrix")
+    C = Parameter("p", "n", description="output matrix")
+    L = Parameter("n", "p", description="gain")
+    x_hat = State("n", output=True, description="estimated states")
+
+    def derivatives(u, y, A, B, C, L, x_hat, d_x_hat):
+        for i in range(x_hat.size):
+            d_x_hat[i] = 0.0
+            for j in range(x_hat.size):
+                d_x_hat[i] += A[i, j] * x_hat[j]
+            for j in range(u.size):
+                d_x_hat[i] += B[i, j] * u[j]
+        for k in range(y.size):
+            error = y[k]
+            for j in range(x_hat.size):
+                error -= C[k, j] * x_hat[j]
+            for i in range(x_hat.size):
+                d_x_hat[i] += L[i, k] * error
+
+
+class KalmanFilter(Block):
+    """The Kalman filter of a sampled linear system, with the covariance of its error.
+
+    ::
+
+        x[k+1] = A x[k] + B u[k] + w,   y[k] = C x[k] + v,   cov w = Q,   cov v = R
+
+        S = C P C^T + R,   K = P C^T S^-1
+        x_hat[k] = x + K (y[k] - C x),   P_hat = P - K C P                     at the sample
+        x = A x_hat[k] + B u[k],         P = A P_hat A^T + Q                   for the next one
+
+    The measurements are taken one by one, so that R is diagonal: `R` are its elements. Begin with P in `start`.
+    """
+
+    u = Input("m?", start=0.0, description="what drives the system")
+    y = Input("p?", description="measurements")
+    A = Parameter("n", "n", description="system matrix")
+    B = Parameter("n", "m", description="input matrix")
+    C = Parameter("p", "n", description="output matrix")
+    Q = Parameter("n", "n", description="covariance of the process noise")
+    R = Parameter("p", description="variances of the measurements")
+    x = State("n", description="predicted states")
+    P = State("n", "n", description="covariance of their error")
+    gain = Local("n", description="work space: gain of one measurement")
+    x_hat = Output("n", description="estimated states")
+    P_hat = Output("n", "n", description="covariance of their error")
+
+    positive = rule("R > 0")(lambda R: bool(np.all(R > 0.0)))
+    same = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
+
+    def outputs(y, C, R, x, P, gain, x_hat, P_hat):
+        begin(x, P, x_hat, P_hat)
+        for k in range(y.size):
+            innovation = y[k]
+            for i in range(x.size):
+                innovation -= C[k, i] * x_hat[i]
+            correct(innovation, C[k], R[k], x_hat, P_hat, gain)
+
+    def update(u, A, B, Q, x_hat, P_hat, next_x, next_P):
+        for i in range(x_hat.size):
+            total = 0.0
+            for j in range(x_hat.size):
+                total += A[i, j] * x_hat[j]
+            for j in range(u.size):
+                total += B[i, j] * u[j]
+            next_x[i] = total
+        predict(A, P_hat, Q, next_P)
+
+
+class LQR(Block):
+    """State feedback that minimizes a quadratic cost in continuous time, by its Riccati equation.
+
+    ::
+
+        u = K (x_ref - x),   K = R^-1 B^T X,   A^T X + X A - X B R^-1 B^T X + Q = 0
+        least integral of  x^T Q x + u^T R u
+
+    The gain is computed once, before the first step, and anew where an FMU's matrices are changed.
+    """
+
+    x = Input("n", description="states")
+    x_ref = Input("n", start=0.0, description="where they are to be")
+    A = Parameter("n", "n", description="system matrix")
+    B = Parameter("n", "m", description="input matrix")
+    Q = Parameter("n", "n", description="weights of the states")
+    R = Parameter("m", "m", default=1.0, description="weights of the inputs")
+    K = CalculatedParameter("m", "n", description="gain")
+    work = CalculatedParameter(7, "n", "n", description="work space; the last is X")
+    inputs = CalculatedParameter(2, "m", "m", description="work space")
+    across = CalculatedParameter(1, "n", "m", description="work space")
+    u = Output("m?", description="inputs of the system")
+
+    weights = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
+    definite = rule("R is symmetric, with positive eigenvalues")(is_definite)
+
+    def calculate(A, B, Q, R, K, work, inputs, across):
+        prepare(A, B, Q, R, work, inputs, across)
+        cayley(work[4], work[5], work[6], work)
+        double(work[4], work[5], work[6], work)
+        multiply_transposed(across[0], work[6], K)
+
+    def outputs(x, x_ref, K, u):
+        for i in range(u.size):
+            u[i] = 0.0
+            for j in range(x.size):
+                u[i] += K[i, j] * (x_ref[j] - x[j])
+
+
+class DiscreteLQR(Block):
+    """State feedback that minimizes a quadratic cost of a sampled system, by its Riccati equation; sampled.
+
+    ::
+
+        u[k] = K (x_ref[k] - x[k]),   K = (R + B^T X B)^-1 B^T X A
+        X = A^T X A - A^T X B (R + B^T X B)^-1 B^T X A + Q
+        least sum of  x^T Q x + u^T R u
+
+    The gain is computed once, before the first step, and anew where an FMU's matrices are changed. Give it the `period`
+    for which A and B are.
+    """
+
+    x = Input("n", description="states")
+    x_ref = Input("n", start=0.0, description="where they are to be")
+    A = Parameter("n", "n", description="system matrix")
+    B = Parameter("n", "m", description="input matrix")
+    Q = Parameter("n", "n", description="weights of the states")
+    R = Parameter("m", "m", default=1.0, description="weights of the inputs")
+    K = CalculatedParameter("m", "n", description="gain")
+    work = CalculatedParameter(7, "n", "n", description="work space; the last is X")
+    inputs = CalculatedParameter(2, "m", "m", description="work space")
+    across = CalculatedParameter(1, "n", "m", description="work space")
+    u = Output("m?", description="inputs of the system")
+
+    weights = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
+    definite = rule("R is symmetric, with positive eigenvalues")(is_definite)
+
+    def calculate(A, B, Q, R, K, work, inputs, across):
+        prepare(A, B, Q, R, work, inputs, across)
+        double(work[4], work[5], work[6], work)
+        multiply(work[6], B, across[0])
+        multiply_transposed(B, across[0], inputs[0])
+        for i in range(R.shape[0]):
+            for j in range(R.shape[0]):
+                inputs[0, i, j] += R[i, j]
+        invert(inputs[0], inputs[1])
+        for i in range(K.shape[0]):
+            for j in range(K.shape[1]):
+                K[i, j] = 0.0
+                for k in range(K.shape[0]):
+                    for q in range(K.shape[1]):
+                        K[i, j] += inputs[1, i, k] * across[0, q, k] * A[q, j]
+
+    def outputs(x, x_ref, K, u):
+        for i in range(u.size):
+            u[i] = 0.0
+            for j in range(x.size):
+                u[i] += K[i, j] * (x_ref[j] - x[j])

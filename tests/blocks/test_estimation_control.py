@@ -1,0 +1,186 @@
+"""Observers and feedback against scipy.linalg and plain numpy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import linalg
+from scipy.optimize import lsq_linear
+
+from cosim.blocks.matrices import cayley, double, invert
+from tests.blocks.library_runs import run_diagram
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 1), (4, 2), (6, 3)])
+def test_riccati_equations_are_scipys(n, m):
+    rng = np.random.default_rng(n)
+    a, b = rng.normal(size=(n, n)), rng.normal(size=(n, m))
+    q, r = np.diag(rng.uniform(0.1, 2, n)), np.diag(rng.uniform(0.1, 2, m))
+    for prepare, solve in ((None, linalg.solve_discrete_are), (cayley, linalg.solve_continuous_are)):
+        parts = a.copy(), b @ np.linalg.inv(r) @ b.T, q.copy(), np.zeros((4, n, n))
+        if prepare:
+            prepare(*parts)
+        double(*parts)
+        expected = solve(a, b, q, r)
+        np.testing.assert_allclose(parts[2], expected, atol=1e-11 * abs(expected).max())
+
+
+def test_what_cannot_be_stabilized_is_told():
+    with pytest.raises(ValueError, match="no solution"):
+        double(np.diag([2.0, 0.5]), np.diag([0.0, 1.0]), np.eye(2), np.zeros((4, 2, 2)))
+    with pytest.raises(ValueError, match="singular"):
+        invert(np.ones((2, 2)), np.zeros((2, 2)))
+
+
+A = np.array([[0, 1, 0], [0, 0, 1], [0.1, -0.2, 0.3]])
+B = np.array([[0, 1], [0, 0], [1, 0.5]])
+Q, R = np.diag([1.0, 2, 3]), np.array([[1, 0.2], [0.2, 0.5]])
+MATRICES = f"A: {A.tolist()}, B: {B.tolist()}, Q: {Q.tolist()}, R: {R.tolist()}"
+STATES = [1.0, -2.0, 0.5]
+
+
+def gains(block, rest=""):
+    text = (
+        "run: {stop: 0.1, step: 0.1}\nblocks:\n"
+        f"  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
+        f"  b: {{block: {block}, parameters: {{{MATRICES}}}, inputs: {{x: x.y}}{rest}}}\n"
+    )
+    return run_diagram(text, "b.u", "b.K")
+
+
+def test_lqr_is_scipys():
+    found = gains("LQR")
+    x = linalg.solve_continuous_are(A, B, Q, R)
+    expected = np.linalg.solve(R, B.T @ x)
+    np.testing.assert_allclose(found["b.K"][0], expected, atol=1e-12)
+    np.testing.assert_allclose(found["b.u"][-1], -expected @ STATES, atol=1e-12)
+
+
+def test_discrete_lqr_is_scipys():
+    found = gains("DiscreteLQR", ", period: 0.1")
+    x = linalg.solve_discrete_are(A, B, Q, R)
+    expected = np.linalg.solve(R + B.T @ x @ B, B.T @ x @ A)
+    np.testing.assert_allclose(found["b.K"][0], expected, atol=1e-12)
+    np.testing.assert_allclose(found["b.u"][-1], -expected @ STATES, atol=1e-12)
+
+
+def test_the_error_of_an_observer_decays_as_its_matrix_says():
+    a, b, c, gain = [[0, 1], [-4, -1]], [[0], [1]], [[1, 0]], [[5], [7]]
+    text = (
+        "run: {stop: 2, step: 0.01, method: joint, integrator: dormand-prince}\nblocks:\n"
+        "  u: {block: Sine}\n"
+        f"  s: {{block: StateSpace, parameters: {{A: {a}, B: {b}, C: {c}}},\n"
+        "      start: {x: [1, -1]}, inputs: {u: u.y}}\n"
+        f"  o: {{block: Luenberger, parameters: {{A: {a}, B: {b}, C: {c}, L: {gain}}}, inputs: {{u: u.y, y: s.y}}}}\n"
+    )
+    found = run_diagram(text, "s.x", "o.x_hat")
+    error = np.array([linalg.expm((np.array(a) - np.array(gain) @ c) * t) @ [1, -1] for t in found["time"]])
+    np.testing.assert_allclose(found["s.x"] - found["o.x_hat"], error, atol=1e-8)
+
+
+def test_the_diagrams_kalman_filter_is_numpys_in_joseph_form():
+    found = run_diagram(
+        (ROOT / "diagrams/kalman.yaml").read_text(), "force.y", "measured.y", "filter.x_hat", "filter.P_hat"
+    )
+    a, b, c = np.array([[1, 0.1], [0, 1]]), np.array([0.005, 0.1]), np.array([[1.0, 0]])
+    q, r = np.diag([1e-5, 1e-4]), 0.02
+    x, p = np.array([0.5, 0.0]), np.eye(2)
+    for k in range(len(found["time"])):
+        gain = p @ c.T / (c @ p @ c.T + r)
+        x = x + gain[:, 0] * (found["measured.y"][k] - c @ x)[0]
+        kept = np.eye(2) - gain @ c
+        p = kept @ p @ kept.T + r * gain @ gain.T
+        np.testing.assert_allclose(found["filter.x_hat"][k], x, atol=1e-12)
+        np.testing.assert_allclose(found["filter.P_hat"][k], p, atol=1e-13)
+        x, p = a @ x + b * found["force.y"][k], a @ p @ a.T + q
+    steady = linalg.solve_discrete_are(a.T, c.T, q, [[r]])
+    np.testing.assert_allclose(p, steady, rtol=1e-6)
+
+
+def test_covariances_are_checked():
+    bad = MATRICES.replace(str(R.tolist()), "[[1, 3], [3, 1]]")
+    text = f"run: {{stop: 1, step: 1}}\nblocks:\n  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
+    with pytest.raises(Exception, match="R is symmetric, with positive eigenvalues"):
+        run_diagram(text + f"  b: {{block: LQR, parameters: {{{bad}}}, inputs: {{x: x.y}}}}\n", "b.u")
+
+
+@pytest.mark.parametrize("limit", [10.0, 0.4])
+def test_predictive_control_is_scipys_bounded_least_squares(limit):
+    """The cost as a sum of squares of one matrix: scipy.optimize.lsq_linear, an active-set method."""
+    a, b, horizon = linalg.expm(0.2 * A), 0.2 * B, 6
+    reach = np.zeros((3 * horizon, 2 * horizon))
+    for k in range(horizon):
+        for j in range(k + 1):
+            reach[3 * k : 3 * k + 3, 2 * j : 2 * j + 2] = np.linalg.matrix_power(a, k - j) @ b
+    free = np.concatenate([np.linalg.matrix_power(a, k + 1) @ STATES for k in range(horizon)])
+    root, weight = np.sqrt(np.kron(np.eye(horizon), Q)), np.kron(np.eye(horizon), np.linalg.cholesky(R).T)
+    whole = np.concatenate([root @ reach, weight])
+    expected = lsq_linear(whole, np.concatenate([-root @ free, np.zeros(2 * horizon)]), (-limit, limit), tol=1e-14).x
+    text = (
+        "run: {stop: 0.2, step: 0.2}\nblocks:\n"
+        f"  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
+        f"  b: {{block: LinearMPC, period: 0.2, dimensions: {{horizon: {horizon}}}, inputs: {{x: x.y}}, parameters:"
+        f" {{A: {a.tolist()}, B: {b.tolist()}, Q: {Q.tolist()}, R: {R.tolist()}, lower: -{limit}, upper: {limit},"
+        " iterations: 2000}}\n"
+    )
+    found = run_diagram(text, "b.found", "b.residual", "b.u")
+    np.testing.assert_allclose(found["b.found"][0].ravel(), expected, atol=1e-8)
+    np.testing.assert_array_equal(found["b.u"][0], found["b.found"][0, 0])
+    assert found["b.residual"][0] < 1e-9
+    assert (abs(expected) > limit - 1e-6).any() == (limit < 1)
+
+
+PENDULUM = '''
+import math
+from cosim import Block, Input, Local, Output, Parameter, State
+from cosim.blocks.kalman_steps import begin, correct, predict
+
+
+class PendulumFilter(Block):
+    """Extended: x_1' = x_2, x_2' = -sin x_1, of which sin x_1 is measured."""
+
+    y = Input()
+    Q = Parameter(2, 2)
+    R = Parameter(default=0.01)
+    x = State(2, start=[0.5, 0.0])
+    P = State(2, 2, start=[[1.0, 0.0], [0.0, 1.0]])
+    gain = Local(2)
+    row = Local(2)
+    F = Local(2, 2)
+    x_hat = Output(2)
+    P_hat = Output(2, 2)
+
+    def outputs(y, R, period, x, P, gain, row, F, x_hat, P_hat):
+        begin(x, P, x_hat, P_hat)
+        row[0], row[1] = math.cos(x[0]), 0.0
+        correct(y - math.sin(x[0]), row, R, x_hat, P_hat, gain)
+        F[0, 0], F[0, 1], F[1, 0], F[1, 1] = 1.0, period, -period * math.cos(x_hat[0]), 1.0
+
+    def update(Q, period, F, x_hat, P_hat, next_x, next_P):
+        next_x[0] = x_hat[0] + period * x_hat[1]
+        next_x[1] = x_hat[1] - period * math.sin(x_hat[0])
+        predict(F, P_hat, Q, next_P)
+'''
+
+
+def test_an_extended_kalman_filter_of_ones_own_is_numpys(tmp_path):
+    (tmp_path / "own.py").write_text(PENDULUM)
+    q, dt = np.diag([1e-4, 1e-3]), 0.05
+    text = (
+        "run: {stop: 3, step: 0.05}\nblocks:\n  y: {block: Sine, parameters: {amplitude: 0.4, frequency: 0.2}}\n"
+        f"  b: {{python: {tmp_path}/own.py:PendulumFilter, period: 0.05, inputs: {{y: y.y}},"
+        f" parameters: {{Q: {q.tolist()}}}}}\n"
+    )
+    found = run_diagram(text, "y.y", "b.x_hat", "b.P_hat")
+    x, p = np.array([0.5, 0.0]), np.eye(2)
+    for k in range(61):
+        row = np.array([[np.cos(x[0]), 0.0]])
+        gain = p @ row.T / (row @ p @ row.T + 0.01)
+        x = x + gain[:, 0] * (found["y.y"][k] - np.sin(x[0]))
+        p = (np.eye(2) - gain @ row) @ p
+        np.testing.assert_allclose(found["b.x_hat"][k], x, atol=1e-11)
+        np.testing.assert_allclose(found["b.P_hat"][k], p, atol=1e-12)
+        f = np.array([[1, dt], [-dt * np.cos(x[0]), 1]])
+        x, p = np.array([x[0] + dt * x[1], x[1] - dt * np.sin(x[0])]), f @ p @ f.T + q
