@@ -135,7 +135,7 @@ def _draw_lines(
         dot = {"marker": "o", "markersize": 3} if np.isfinite(line.curve.values).sum() == 1 else {}
         points = (line.curve.times, line.curve.values) if panel.over else thinned(line.curve.times, line.curve.values)
         axis.plot(*points, label=shown, **look | thin | dot)
-        if panel.over and line.curve.times.size:
+        if panel.over and len(found) <= legends.LISTED and line.curve.times.size:
             axis.scatter(line.curve.times[:1], line.curve.values[:1], 9, color=look["color"], zorder=3)
         if not paired:
             legend.add(shown, **look | dot)
@@ -188,7 +188,8 @@ def _curves(result: Drawable, panel: Panel) -> list[Curve]:
     found = [curve for text in panel.signals for curve in curves(result, text)]
     over = curves(result, panel.over) if panel.over else []
     if panel.over and len(over) not in (1, len(found)):
-        message = f"`{panel.over}` has {len(over)} elements, and there are {len(found)} lines to be drawn over them"
+        many = f"there are {len(found)} lines" if len(found) > 1 else "there is 1 line"
+        message = f"`{panel.over}` has {len(over)} elements, and {many} to be drawn over them"
         fix = f"choose one, such as {over[0].label}, or one for each line"
         raise PlotError(message, panel.places.get("over"), fix)
     inside = _inside(result.times, panel.window, bool(panel.over))
