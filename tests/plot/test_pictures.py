@@ -341,6 +341,7 @@ def test_mistakes_in_figures_are_reported(text, message):
             "span",
             "`plant.radius[1]` is never from 5 to 6",
         ),
+        ("{panels: [{signals: test.error, window: [7, 8]}]}", "window", "there is no sample from 7 to 8 s"),
         ("{kind: plane, positions: test.error}", "positions", "`test.error` is no list of positions"),
         ("{kind: plane, positions: plant.x, radii: plant.x}", "radii", "cannot be the radii of 3 bodies"),
         ("{kind: plane, positions: plant.x, references: test.error}", "references", "cannot be the references of 3"),
