@@ -64,7 +64,8 @@ def _components(names: Any, shape: tuple[Any, ...]) -> tuple[str, str] | None:
         return f"{names!r} is no tuple of names without commas", fix
     if len(set(names)) < len(names):
         return f"{names!r} has a name twice", "name each once"
-    return _count(names, shape, "names", fix) if names else None
+    said = _count(names, shape, "names", fix) if names else None
+    return (said[0], fix) if said else None
 
 
 def _numbers(key: str, given: Any, variable: Any) -> tuple[str, str] | None:

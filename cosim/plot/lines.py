@@ -99,7 +99,9 @@ def draw(
 
 
 def _panel(axis: Any, runs: Mapping[str, Drawable], panel: Panel, shades: Shades | None) -> Legend:
-    found = [_Line(run, k, c) for run, result in runs.items() for k, c in enumerate(_curves(result, panel))]
+    read = [_Line(run, k, c) for run, result in runs.items() for k, c in enumerate(_curves(result, panel))]
+    first = {line.curve.label: line.curve for line in reversed(read)}
+    found = [replace(line, curve=_named_as(first[line.curve.label], line.curve)) for line in read]
     each = max((line.number + 1 for line in found), default=0)
     _refuse_unused(panel, each, [line.curve for line in found])
     legend = _draw_lines(axis, runs, panel, found, each, shades)
@@ -119,6 +121,11 @@ def _panel(axis: Any, runs: Mapping[str, Drawable], panel: Panel, shades: Shades
     return legend
 
 
+def _named_as(first: Curve, curve: Curve) -> Curve:
+    """With the names of the first run's: one element has one name, also where another version has recorded it."""
+    return replace(curve, member=first.member, component=first.component)
+
+
 def _draw_lines(
     axis: Any, runs: Mapping[str, Drawable], panel: Panel, found: Sequence[_Line], each: int, shades: Shades | None
 ) -> Legend:
@@ -135,7 +142,7 @@ def _draw_lines(
         dot = {"marker": "o", "markersize": 3} if np.isfinite(line.curve.values).sum() == 1 else {}
         points = (line.curve.times, line.curve.values) if panel.over else thinned(line.curve.times, line.curve.values)
         axis.plot(*points, label=shown, **look | thin | dot)
-        if panel.over and line.curve.times.size:
+        if panel.over and len(found) <= legends.LISTED and line.curve.times.size:
             axis.scatter(line.curve.times[:1], line.curve.values[:1], 9, color=look["color"], zorder=3)
         if not paired:
             legend.add(shown, **look | dot)
@@ -188,7 +195,8 @@ def _curves(result: Drawable, panel: Panel) -> list[Curve]:
     found = [curve for text in panel.signals for curve in curves(result, text)]
     over = curves(result, panel.over) if panel.over else []
     if panel.over and len(over) not in (1, len(found)):
-        message = f"`{panel.over}` has {len(over)} elements, and there are {len(found)} lines to be drawn over them"
+        many = f"there are {len(found)} lines" if len(found) > 1 else "there is 1 line"
+        message = f"`{panel.over}` has {len(over)} elements, and {many} to be drawn over them"
         fix = f"choose one, such as {over[0].label}, or one for each line"
         raise PlotError(message, panel.places.get("over"), fix)
     inside = _inside(result.times, panel.window, bool(panel.over))
@@ -204,6 +212,8 @@ def _inside(times: np.ndarray, window: tuple[float, float] | None, strict: bool)
     """The samples in a window of time; strict: without the ones before and after it, from which lines come in."""
     if window is None:
         return slice(None)
+    if not len(times) or window[0] > times[-1] or window[1] < times[0]:
+        return slice(0, 0)
     slack = 1e-9 * (window[1] - window[0])
     first, last = (int(k) for k in np.searchsorted(times, (window[0] - slack, window[1] + slack)))
     return slice(first, last) if strict else slice(max(first - 1, 0), last + 1)
@@ -215,6 +225,9 @@ def _refuse_unused(panel: Panel, each: int, found: Sequence[Curve]) -> None:
         message = f"there are {len(panel.names)} names for {each} line{'s' if each != 1 else ''}"
         raise PlotError(message, panel.places.get("names"), fix="one name for each line, in the order of the signals")
     every = np.concatenate([curve.times for curve in found]) if found else np.zeros(0)
+    if panel.window and not every.size:
+        message = f"there is no sample from {panel.window[0]:g} to {panel.window[1]:g} s"
+        raise PlotError(message, panel.places.get("window"), fix="choose a window within the run")
     every = every[np.isfinite(every)]
     if panel.span and panel.over and every.size and not (panel.span[0] < every.max() and every.min() < panel.span[1]):
         message = f"`{panel.over}` is never from {panel.span[0]:g} to {panel.span[1]:g}"

@@ -162,7 +162,7 @@
         pen.lineWidth = 1;
         trail(i);
       }
-      if (references) for (let i = 0; i < n; i++) cross(i);
+      if (references && n <= 60) for (let i = 0; i < n; i++) cross(i);
       if (neighbours) edges();
       for (let i = 0; i < n; i++) body(i);
       pen.restore();

@@ -15,6 +15,10 @@ TRAIL = 3.0
 """Seconds of the way that a body came which are shown behind it."""
 
 
+SMALLEST = 0.004
+"""Of a body in a crowd, as a part of the picture: smaller ones would not be seen."""
+
+
 def scene(moving: Bodies) -> Scene:
     """The frames of some bodies."""
     return Crowd(moving) if moving.x.shape[1] > MOST_NUMBERED else Scene(moving)
@@ -116,7 +120,7 @@ class Crowd(Scene):
 
         count = self.x.shape[1]
         colours = [style.COLOURS[i % len(style.COLOURS)] for i in range(count)]
-        wide = np.broadcast_to(2 * self.radii, count)
+        wide = np.maximum(2 * self.radii, SMALLEST * float(np.max(self.high - self.low)))
         place: Any = {"offsets": self.x[0, :, :2], "offset_transform": axis.transData}
         self.discs = EllipseCollection(
             wide, wide, np.zeros(count), units="xy", facecolors=colours, linewidths=0, animated=True, **place

@@ -107,7 +107,8 @@ def _section(results: Results, pictures: Pictures) -> str:
     parts = [f'<section id="{_anchor(results)}"><h2>{escape(study.title)}</h2>']
     if study.description:
         parts.append(f"<p>{escape(study.description)}</p>")
-    parts.append(_list(f"{v.name}: {v.description}" for v in study.variants.values() if v.description))
+    changes = [*study.variants.values(), *(change for axis in study.grid for change in axis.changes)]
+    parts.append(_list(f"{change.name}: {change.description}" for change in changes if change.description))
     parts += [_table(table) for table in text_tables.tables(results)]
     if study.references:
         origins = escape(" and ".join(study.origins))

@@ -81,7 +81,7 @@ def _report(results: Results, as_json: bool) -> None:
     counts += "" if summary["failed"] else ", none failed"
     before = f", {results.reused} needed no run" if results.reused else ""
     print(f"\n{results.total} members: {counts} (ran {results.ran} in {results.seconds:.3g} s{before})")
-    print(f"recorded in {results.kept_in / 'study.nc'}")
+    print(f"recorded in {results.kept_in / 'study.nc'}, and its tables beside it as .csv, .md and .tex")
     reasons = list(summary["reasons"].items())
     warnings = [
         CosimError(f"{count} × {reason}", fix=f"replay the first: cosim study {results.study.path} --member {name}")

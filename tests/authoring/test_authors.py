@@ -480,6 +480,14 @@ NAMES = {
         "`mm` is of another dimension than `rad`",
         "",
     ),
+    "too many names of components": (
+        "late = Input(2, components=('x', 'y', 'z'), start=1.0)  #!",
+        "3 names for the 2 elements",
+        "components=",
+    ),
+    "components of a scalar": ("late = Input(components=('x',), start=1.0)  #!", "of a scalar", "components="),
+    "components in one text": ("late = Input(2, components='xy', start=1.0)  #!", "no tuple of names", "components="),
+    "a component twice": ("late = Input(2, components=('x', 'x'), start=1.0)  #!", "has a name twice", "once"),
     "a nominal value of zero": (
         "late = Input(nominal=0, start=1.0)  #!",
         "`nominal` of `late`: 0 is not above 0",

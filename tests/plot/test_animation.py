@@ -9,7 +9,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from cosim.errors import PlotError
+from cosim.errors import DiagramErrors, PlotError
 from cosim.plot import animation, motion, player
 from cosim.plot import scene as scenes
 from cosim.plot.motion import Motion
@@ -67,6 +67,26 @@ def test_roles_are_checked_in_the_diagram_and_kept_with_it(wired):
         animation: {positions: swing.x}
         """)
     assert "animation: {positions: swing.x}" in net.diagram.resolved()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{positions: nobody.x}", "`nobody.x` names no block"),
+        ("{positions: swing.nothing}", "nothing"),
+        ("{posisions: swing.x}", "no key `posisions`"),
+        ("{positions: 3}", "animation.positions"),
+    ],
+)
+def test_a_role_that_names_nothing_is_a_mistake_of_the_diagram(wired, text, message):
+    with pytest.raises(DiagramErrors) as caught:
+        wired(f"""
+            run: {{stop: 1, step: 0.1}}
+            blocks: {{swing: {{type: Oscillator, parameters: {{w: 2}}}}}}
+            animation: {text}
+            """)
+    assert message in str(caught.value)
+    assert all(error.position and error.position.line == 4 for error in caught.value.errors)
 
 
 def test_the_player_has_every_place_to_a_part_of_65_000(run):

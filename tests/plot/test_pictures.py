@@ -81,7 +81,7 @@ def test_chosen_signals_and_several_results(result, tmp_path):
         (["-o", "picture.bmp"], "pictures are png, svg, pdf"),
         (["--animate", "-o", "picture.mp3"], "animations are mp4, gif, html"),
         (["--signals", "plant.x over plant.x over plant.x"], "has two `over`"),
-        (["--signals", "test.error over plant.x"], "has 9 elements, and there are 1 lines"),
+        (["--signals", "test.error over plant.x"], "has 9 elements, and there is 1 line"),
         (["--from", "7"], "there is nothing to draw from 7 to inf s"),
         (["--from", "3", "--to", "2"], "there is nothing to draw from 3 to 2 s"),
         (["--signals", "test.eror"], "did you mean `test.error`"),
@@ -334,13 +334,14 @@ def test_mistakes_in_figures_are_reported(text, message):
 @pytest.mark.parametrize(
     ("text", "key", "message"),
     [
-        ("{panels: [{signals: test.error, over: plant.x}]}", "over", "`plant.x` has 9 elements, and there are 1 lines"),
+        ("{panels: [{signals: test.error, over: plant.x}]}", "over", "`plant.x` has 9 elements, and there is 1 line"),
         ("{panels: [{signals: plant.radius, names: [a, b, c, d]}]}", "names", "there are 4 names for 3 lines"),
         (
             '{panels: [{signals: test.error, over: "plant.radius[1]", span: [5, 6]}]}',
             "span",
             "`plant.radius[1]` is never from 5 to 6",
         ),
+        ("{panels: [{signals: test.error, window: [7, 8]}]}", "window", "there is no sample from 7 to 8 s"),
         ("{kind: plane, positions: test.error}", "positions", "`test.error` is no list of positions"),
         ("{kind: plane, positions: plant.x, radii: plant.x}", "radii", "cannot be the radii of 3 bodies"),
         ("{kind: plane, positions: plant.x, references: test.error}", "references", "cannot be the references of 3"),

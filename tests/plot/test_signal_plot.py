@@ -147,6 +147,12 @@ def test_runs_of_other_periods_and_ends_are_drawn_by_their_own_times(run):
     assert alone.get_suptitle() == "diverged at 1 s"
 
 
+def test_an_element_has_one_name_in_all_runs(run):
+    named, bare = run("named", p__x=circle(), about=ABOUT), run("bare", p__x=circle())
+    figure = plot([named, bare], "p.x[:,1]")
+    assert labels(figure) == ["robot 1", "robot 2", "named", "bare"]
+
+
 def test_one_run_and_several_have_the_same_axes(run):
     paths = [run(name, a__y=10.0 ** (3 - 2 * TIMES)) for name in ("one", "two")]
     single, double = (plot(p, "a.y").axes[0] for p in (paths[0], paths))
