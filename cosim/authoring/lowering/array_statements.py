@@ -181,13 +181,18 @@ class ArrayStatements(_Stores):
         """Statements as they are lowered. What is refused is kept, and the walk goes on behind it."""
         found: list[Any] = []
         for statement in body:
+            outer = self._work.whole, self._work.writing
+            self._work.whole, self._work.writing = getattr(statement, "value", None), []
             with self._work.inside() as lowered:
                 try:
                     self._statement(statement)
+                    if len(lowered) > 1:  # some of it is done before the rest
+                        self._work.refusals += self._work.writing
                 except Refusal as refusal:
                     if refusal.what:
                         self._work.refusals.append(refusal)
                     self._names.lost.update(stored_names(ast.walk(statement)))
+            self._work.whole, self._work.writing = outer
             syntax.located(lowered, statement)
             found += lowered
         if body and not found:  # its last array needs no statement

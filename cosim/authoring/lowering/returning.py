@@ -46,16 +46,16 @@ class Returning:
         back = numbers[0] if len(numbers) == 1 else ast.Tuple(numbers, ast.Load()) if numbers else None
         return [*statements, ast.Return(back)]
 
-    def _kept(
-        self, work: Work, names: Names, value: Value, known: Value | None, numbers: list[Any], s: Any
-    ) -> Value:
+    def _kept(self, work: Work, names: Names, value: Value, known: Value | None, numbers: list[Any], s: Any) -> Value:
         """Put arrays into memory that outlasts the call, and gather the numbers."""
         if isinstance(value, Scalar):
             numbers.append(work.named(value).node)
             return Scalar(value.node, value.element if known is None else UNKNOWN)
         if isinstance(value, Several):
             old = known.items if isinstance(known, Several) else [None] * len(value.items)
-            return Several(tuple(self._kept(work, names, v, k, numbers, s) for v, k in zip(value.items, old, strict=True)))
+            return Several(
+                tuple(self._kept(work, names, v, k, numbers, s) for v, k in zip(value.items, old, strict=True))
+            )
         if value.view is not None and value.root in names.arguments:
             what = f"returns a part of its argument `{value.root}` among others, which would be the same memory"
             work.refuse(s, what, "return a copy, with .copy()")
