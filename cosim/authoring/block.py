@@ -43,14 +43,15 @@ Numbers are float64, int64 and bool, whatever the width in which a variable is s
 compiled and interpreted: real numbers as IEEE 754 has them (1/0 is infinite, ``math.sqrt(-1)`` is NaN), integers wrap;
 integer division by zero, and a number that its variable cannot hold, stop the run.
 
-Whole arrays are computed with as numpy does: ``d_x[:] = A @ x + B @ u``, ``e = u - x[2:4]``, ``A.T @ e``, ``e *= 0.5``,
-``np.zeros(x.size)``, ``np.array([a, b])``, ``np.linalg.solve`` and ``inv`` (of small matrices), ``norm``, ``np.sum``, ``min``,
-``max`` and ``mean`` (also along an axis), ``np.where``, ``clip``, ``outer``, ``cross``, functions of numbers such as ``np.sin``
-of each element, and helpers of the module that take and return arrays, numbers and tuples of them. All that becomes
-loops in memory that is laid out before the run, the same for both engines (`cosim.authoring.lowering`). Sizes of new
-arrays follow from dimensions; arrays that do not fit each other are a mistake of the text, or stop the run where only
-the run knows their sizes. An axis is repeated only where it is of size 1 in the text, as in ``u[:, None] * w``. Random
-numbers come from a `Stream`, see `cosim.authoring.random`. What the two engines could not do alike is refused with its line.
+Whole arrays are computed with as numpy does: ``d_x[:] = A @ x + B @ u``, ``e = u - x[2:4]``, ``A.T @ e``, ``e *=
+0.5``, ``np.zeros(x.size)``, ``np.array([a, b])``, ``np.linalg.solve`` and ``inv`` (of small matrices), ``norm``,
+``np.sum``, ``min``, ``max`` and ``mean`` (also along an axis), ``np.where``, ``clip``, ``outer``, ``cross``,
+functions of numbers such as ``np.sin`` of each element, and helpers of the module that take and return arrays,
+numbers and tuples of them. All that becomes loops in memory that is laid out before the run, the same for both
+engines (`cosim.authoring.lowering`). Sizes of new arrays follow from dimensions; arrays that do not fit each other
+are a mistake of the text, or stop the run where only the run knows their sizes. An axis is repeated only where it is
+of size 1 in the text, as in ``u[:, None] * w``. Random numbers come from a `Stream`, see `cosim.authoring.random`.
+What the two engines could not do alike is refused with its line.
 """
 
 from __future__ import annotations
