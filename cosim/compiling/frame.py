@@ -63,7 +63,7 @@ class Frame:
 
 
 #: So many elements at most lie on the stack, where their number is part of the code.
-ON_STACK = 1024
+ON_STACK = 256
 
 
 def in_arena(declaration: Declaration, function: Function, constants: Mapping[str, int]) -> list[Temporary]:

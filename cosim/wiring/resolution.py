@@ -38,7 +38,7 @@ def wire(diagram: Diagram, problems: Problems | None = None, code: bool = True) 
     _connect(draft)
     _size(draft)
     given_values.evaluate(draft)
-    for repeated in seeds.repeated(draft):
+    for repeated in seeds.repeated(draft.components, draft.values):
         draft.problems.add(repeated)
     matching.check(draft.components, draft.problems)
     named_signals.check(draft)

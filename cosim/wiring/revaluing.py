@@ -8,7 +8,7 @@ from dataclasses import replace
 from cosim.authoring.variables import Parameter
 from cosim.errors import Problems
 from cosim.language.values import Value
-from cosim.wiring import conditions
+from cosim.wiring import conditions, seeds
 from cosim.wiring.given_values import array
 from cosim.wiring.network import Component, Network, Signal
 
@@ -26,6 +26,8 @@ def revalue(network: Network, values: Mapping[Signal, Value]) -> Network:
         variables = component.declaration.variables
         arrays = {name: problems.attempt(array, component, variables[name], v, fleets) for name, v in new.items()}
         component.values = {**component.values, **{k: v for k, v in arrays.items() if v is not None}}
+    for repeated in seeds.repeated(components, {(s.component, s.variable): v for s, v in values.items()}):
+        problems.add(repeated)
     problems.raise_if_any()
     parametrised = {s.component for s in values if isinstance(network.variable(s), Parameter)}
     seen = _after(components, parametrised)

@@ -131,6 +131,15 @@ def fill(x, value):
     x[:] = value
 
 
+def filled(x, value):
+    x[:] = value
+    return x * 2.0
+
+
+def pair(x, k):
+    return x * k, x
+
+
 def second_row(A):
     return A[1]
 
@@ -276,6 +285,7 @@ REFUSED = {
         "copy",
         9,
     ),
+    "a helper that writes inside": ("y[:] = u + filled(y, k)", r"calls filled\(\), which writes `x`", "its own", 20),
     "what numpy has more": ("y[:] = np.cumsum(u)", r"calls `np.cumsum\(\)`", "loop", 16),
 }
 
@@ -293,6 +303,17 @@ def test_what_cannot_be_lowered_is_said_with_its_place(tmp_path, case):
     assert re.search(words, said.message), said
     assert fix in said.fix and said.position.column == column
     assert said.position.line == begin + 1 + body.count("\n")  # the last line
+
+
+def test_what_a_helper_does_is_said_where_it_does_it(tmp_path):
+    (tmp_path / "own.py").write_text(text := refused_text("a, b = pair(u, k); y[:] = a + b"))
+    spec = importlib.util.spec_from_file_location("own", tmp_path / "own.py")
+    module = importlib.util.module_from_spec(spec)
+    with mistakes_wait():
+        spec.loader.exec_module(module)
+    first = authors.mistakes(module.Own.declaration)[0]
+    assert first.position.line == text.splitlines().index("    return x * k, x") + 1
+    assert "pair(), called by Own.outputs(): returns a part of its argument `x`" in first.message
 
 
 def refused_text(body):

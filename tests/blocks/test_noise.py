@@ -9,6 +9,9 @@ from cosim.authoring import random
 from cosim.authoring.variables import State, Stream
 from cosim.engine import run
 from cosim.errors import CosimError, DeclarationError, WrongValue
+from cosim.language.values import Value
+from cosim.wiring.network import Signal
+from cosim.wiring.revaluing import revalue
 
 #: Of the known answers of Random123 (kat_vectors, philox4x32-10): counter, key, result.
 KNOWN = (
@@ -97,6 +100,12 @@ def test_no_two_draw_the_same_numbers(tmp_path, change, words):
     with pytest.raises(CosimError, match=words) as caught:
         run.load(tmp_path / "noise.yaml")
     assert isinstance(caught.value.errors[0], WrongValue) or "no value" in words
+
+
+def test_a_study_that_gives_all_members_one_seed_is_told(noise):
+    value = Value.of(7, noise.components["white"].entry.position)
+    with pytest.raises(CosimError, match="robot 2 of white has the seed 7 of robot 1 of white"):
+        revalue(noise, {Signal("white", "seed"): value})
 
 
 def test_a_stream_that_nothing_begins_is_a_mistake():

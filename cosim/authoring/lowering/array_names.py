@@ -81,7 +81,7 @@ class ArrayNames:
                 self._work.refuse(target, what, "use a name for each, or write `.copy()` behind the part")
             self._work.emit(syntax.assign(name, value.view))
         else:
-            self._note(target, value)
+            self.note(target, value)
             self._work.store(known, value, s)
         self._names.give(name, known)
 
@@ -94,13 +94,15 @@ class ArrayNames:
             self._work.emit(syntax.assign(name, value.view))
             self.view(name, stored(name, value.root, value.kind))
             return
-        self._note(target, value)
+        self.note(target, value)
         room = self._work.room(value.kind, s, name, value.size_at)
         self._work.each(room, value)
         self._names.give(name, room)
 
-    def _note(self, target: Any, value: Array) -> None:
+    def note(self, target: Any, value: Value) -> None:
         """Remember that a name gets a copy of what it would be another name for."""
+        if not isinstance(target, ast.Name) or not isinstance(value, Array):
+            return
         if value.view is not None and value.root in self._names.local and value.root != target.id:
             self._copies.append((target.id, value.root, target))
 

@@ -85,6 +85,11 @@ class _Stores:
 
     def _taken_apart(self, target: Any, value: Value, s: Any) -> None:
         if isinstance(value, Several) and len(value.items) == len(target.elts):
+            given = stored_names(ast.walk(target))
+            roots = [item.root for item in value.items if isinstance(item, Array)]
+            for part, item in zip(target.elts, value.items, strict=True):
+                if isinstance(item, Array) and (item.root not in given or roots.count(item.root) > 1):
+                    self._binding.note(part, item)
             apart = self._binding.apart(value, s)
             for part, item in zip(target.elts, apart.items if isinstance(apart, Several) else (), strict=True):
                 self._store(part, item, s)
@@ -181,13 +186,18 @@ class ArrayStatements(_Stores):
         """Statements as they are lowered. What is refused is kept, and the walk goes on behind it."""
         found: list[Any] = []
         for statement in body:
+            outer = self._work.whole, self._work.writing
+            self._work.whole, self._work.writing = getattr(statement, "value", None), []
             with self._work.inside() as lowered:
                 try:
                     self._statement(statement)
+                    if len(lowered) > 1:  # some of it is done before the rest
+                        self._work.refusals += self._work.writing
                 except Refusal as refusal:
                     if refusal.what:
                         self._work.refusals.append(refusal)
                     self._names.lost.update(stored_names(ast.walk(statement)))
+            self._work.whole, self._work.writing = outer
             syntax.located(lowered, statement)
             found += lowered
         if body and not found:  # its last array needs no statement

@@ -127,6 +127,9 @@ class Session:
         if lowered is None:
             return Scalar(_with_arguments(work, node, python, given))
         lying = {name: _lying(work, value, node) for name, value in arguments.items()}
+        if lowered.written and node is not work.whole:
+            what = f"calls {python.__name__}(), which writes `{min(lowered.written)}`, within an expression of arrays"
+            work.writing.append(Refusal(node, what, "call it in a statement of its own"))
         for name in lowered.written:
             value = lying[name]
             if isinstance(value, Array):

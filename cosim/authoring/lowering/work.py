@@ -55,7 +55,8 @@ class LoweredText:
 
     used: all names in it; dimensions: those of whose sizes memory may be; scope: its global names, to which helpers
     are added; handled: of the author's nodes those that are lowered, by id; changed: whether anything was lowered;
-    in_place: names whose elements the author writes; sharing: names that may stand for the same memory.
+    in_place: names whose elements the author writes; sharing: names that may stand for the same memory;
+    whole: the expression that the statement is about; writing: calls in it of helpers that write.
     """
 
     used: set[str]
@@ -69,6 +70,8 @@ class LoweredText:
     changed: bool = False
     in_place: set[str] = field(default_factory=set)
     sharing: frozenset[str] = frozenset()
+    whole: Any = None
+    writing: list[Refusal] = field(default_factory=list)
 
     def writes(self, array: Array) -> None:
         """Elements of an array are written in place."""
