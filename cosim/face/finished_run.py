@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator
 from functools import cached_property
@@ -140,19 +141,18 @@ class FinishedRun:
 
         output: a .png, .svg or .pdf where the picture is written too. Raises: PlotError, UnknownPort.
         """
-        from cosim.plot import figures
+        from cosim.plot import signal_plot, style
 
         if not self._values:
             raise PlotError("this run recorded no signals", fix='.set({"record.signals": ["block.port"]})')
-        for name in signals:
-            self[name.partition("[")[0].strip()]
+        for name in re.split(r"\bover\b|[+,]", re.sub(r"\[.*?\]", "", ",".join(signals))) if signals else ():
+            self[name.strip()]
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / f"{run_tables.file_name(self._network.diagram)}.nc"
             self.save(result)
-            drawn = result.with_suffix(".svg")
-            figures.plot([result], list(signals), drawn)
-            if output is not None:
-                figures.plot([result], list(signals), Path(output))
+            made, drawn = signal_plot.plot(result, signals), result.with_suffix(".svg")
+            for path in (drawn, *(() if output is None else (Path(output),))):
+                style.save(made, path)
             return Picture(drawn.read_text(encoding="utf-8"))
 
     # ---- words ----

@@ -16,7 +16,7 @@ from cosim.language.overlay import set_value
 from cosim.language.plain import GIVEN, node_of, tree_of
 from cosim.language.source import Node
 from cosim.machine import importing
-from cosim.study import dataset, executors, running, study_file, text_tables
+from cosim.study import dataset, executors, running, study_file, table_files, text_tables
 from cosim.study.counter import Counter
 from cosim.study.definition import RunsAxis, Study
 from cosim.study.running import Options
@@ -92,7 +92,7 @@ def listed(recipe: Recipe, runs: Iterable[Mapping[str, Any]]) -> ParameterStudy:
     _refuse_unknown(recipe, first)
     made = _of(recipe, Node({}, KeyPath(GIVEN, keys=GIVEN)))
     numbers = Node(list(range(len(given))), KeyPath("sweep", keys=".sweep()"))
-    made.grid = (RunsAxis(NUMBER, tuple(first), tuple(range(len(given))), numbers, tuple(given)),)
+    made.grid = (RunsAxis(NUMBER, tuple(first), tuple(range(len(given))), numbers, listed=tuple(given)),)
     _refuse_unfit(made, given)
     return ParameterStudy(made, recipe)
 
@@ -157,7 +157,7 @@ class ParameterStudy:
             found = running.run(self.definition, options)
         if folder:
             dataset.write(folder / "study.nc", found)
-            text_tables.write(found, text_tables.tables(found))
+            table_files.write(found, text_tables.tables(found))
         return StudyTable(found).completed()
 
     def _send(self, options: Options) -> None:
