@@ -52,6 +52,10 @@ class LimitedIntegrator(Block):
 
     ordered = rule("lower < upper")(lambda lower, upper: bool(np.all(lower < upper)))
 
+    def start(x, lower, upper, side):
+        for q in range(x.size):
+            side[q] = 1 if x[q] >= upper[q] else (-1 if x[q] <= lower[q] else 0)
+
     def derivatives(u, k, side, d_x):
         for q in range(u.size):
             d_x[q] = k[q] * u[q] if side[q] == 0 or side[q] * k[q] * u[q] < 0.0 else 0.0

@@ -128,3 +128,19 @@ def test_an_integrator_is_reset_where_a_signal_rises_through_zero():
     expected = np.where(found["time"] < first, found["time"], found["time"] - first)
     expected = np.where(found["time"] < first + 1, expected, found["time"] - first - 1)
     np.testing.assert_allclose(found["x"], expected, atol=1e-10)
+
+
+def test_an_integrator_that_begins_at_a_limit_stays_there_until_it_is_led_away():
+    run = run_block(
+        "LimitedIntegrator",
+        f"k: {W}, upper: 1",
+        "u: wave.y",
+        outputs=("x",),
+        step=0.013,
+        stop=1.3,
+        rest="start: {x: 1}",
+    )
+    time = run["time"]
+    expected = np.where(time < 0.5, 1.0, 1.0 - (1 + np.cos(W * time)))
+    np.testing.assert_allclose(run["x"][time <= 1], expected[time <= 1], atol=1e-7)
+    assert run["x"].max() <= 1.0

@@ -30,7 +30,7 @@ def test_the_motor_with_pid_anti_windup_saturation_and_a_load_step_is_scipys():
         return [*drive, k_i * (r - speed) + (u - v) / t_t, (-speed - x) / t_f]
 
     z, parts = np.zeros(4), []
-    for begin, end, r, load in ((0.0, 0.1, 0, 0), (0.1, 1.5, 150, 0), (1.5, 3.0, 150, 0.05)):
+    for begin, end, r, load in ((0.0, 0.1, 0, 0), (0.1, 1.5, 150, 0), (1.5, 3.0, 150, 0.5)):
         times = run["time"][(run["time"] >= begin - 1e-9) & (run["time"] < end - 1e-9)]
         solved = solve_ivp(
             slope, (begin, end), z, "DOP853", [*times, end], args=(r, load), rtol=1e-10, atol=1e-10, max_step=1e-3
