@@ -2,7 +2,8 @@
 
 What the compiler refuses is not listed here, but for what authors write most often; `cosim.compiling.compiler` explains
 the rest. Of numpy exact operations are shared, and the functions of one number that `cosim.compiling.interpreted` takes
-from the C library as compiled code does; numpy's own sums add in another order.
+from the C library as compiled code does; numpy's own sums add in another order. What becomes loops, see
+`cosim.authoring.lowering`, is shared too, and not looked at here.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ ADDING = frozenset({"sum", "mean", "std", "var", "prod", "cumsum", "cumprod", "d
 WORLD = frozenset(
     {"time", "random", "os", "posix", "sys", "datetime", "secrets", "uuid", "io", "_io", "logging", "threading"}
 )
-WORK_SPACE = "declare work space as a Local, or use a tuple for a few numbers"
+WORK_SPACE = "use np.array([…]) or np.zeros(n), a Local, or a tuple for a few numbers"
 
 
 def unshared(function: Any, lowered: Container[int]) -> Iterator[tuple[Text, Any, str, str]]:
@@ -276,7 +277,8 @@ def _adds(name: str) -> tuple[str, str]:
 
 
 def _makes(name: str) -> tuple[str, str]:
-    return f"makes a new array with `{name}`, which needs memory of its own", WORK_SPACE
+    what = f"makes a new array with `{name}`, which the two engines do not have alike"
+    return what, "write a loop, such as into np.zeros(n) or a Local"
 
 
 def _draws(name: str) -> tuple[str, str]:
