@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import cosim
 from cosim.language import schema
 from cosim.language.keys import DIAGRAM
 from cosim.project.new_files import template, write_all
@@ -47,7 +46,9 @@ def begin(folder: Path) -> list[Path]:
 
 def examples(folder: Path) -> list[Path]:
     """Write the framework's own diagrams and studies into a folder; its files. Raises: UsageError, OSError."""
-    [source] = [place for path in cosim.__path__ if (place := Path(path) / "diagrams").is_dir()]
+    package = Path(__file__).parents[1]
+    places = (package / "diagrams", package.parent / "diagrams")  # as installed, and in a clone
+    source = next(place for place in places if place.is_dir())
     found = {path.relative_to(source): path for path in sorted(source.rglob("*.yaml"))}
     write_all({folder / name: path.read_text(encoding="utf-8") for name, path in found.items()})
     return [folder / name for name in found]

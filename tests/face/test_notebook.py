@@ -15,7 +15,7 @@ from cosim.errors import DeclarationError, UnknownBlock, WrongType
 CELL = '''
 import cosim
 
-class Gain(cosim.Block):
+class Amplifier(cosim.Block):
     """y = k u."""
 
     u = cosim.Input()
@@ -27,7 +27,7 @@ class Gain(cosim.Block):
 '''
 YAML = """
 run: {stop: 0.1, step: 0.01}
-blocks: {g: {block: Gain, start: {u: 3}}}
+blocks: {g: {block: Amplifier, start: {u: 3}}}
 metrics: {y: {signal: g.y, reduce: final}}
 """
 
@@ -36,7 +36,7 @@ metrics: {y: {signal: g.y, reduce: final}}
 def cell(monkeypatch):
     """Run a notebook's cell: its file is none, its source is kept by `linecache`, its names are those of __main__."""
     scope = vars(sys.modules["__main__"])
-    for name in ("Gain", "helper"):
+    for name in ("Amplifier", "helper"):
         monkeypatch.setitem(scope, name, None)
     numbers = iter(range(1000))
 
@@ -58,19 +58,19 @@ def diagram(block: type) -> cosim.BlockDiagram:
 
 def test_a_class_that_is_defined_anew_is_another(cell):
     cell(CELL.format("k * u"))
-    first = diagram(cell.scope["Gain"])
+    first = diagram(cell.scope["Amplifier"])
     assert first.run().metrics == {"y": 6.0}
     cell(CELL.format("k * u + 1"))
-    second = diagram(cell.scope["Gain"])
+    second = diagram(cell.scope["Amplifier"])
     assert [d.run(engine).metrics["y"] for d in (second, first) for engine in ("native", "python")] == [7, 7, 6, 6]
-    assert first.swap(g=cell.scope["Gain"]).run().metrics == {"y": 7.0}
+    assert first.swap(g=cell.scope["Amplifier"]).run().metrics == {"y": 7.0}
     assert first.sweep([{"blocks.g.k": k} for k in (1, 2)])["y"].tolist() == [3.0, 6.0]
 
 
 def test_what_a_class_calls_may_be_defined_anew_too(cell):
     cell("def helper(x):\n    return 10.0 * x\n")
     cell(CELL.format("helper(u) * k"))
-    made = diagram(cell.scope["Gain"])
+    made = diagram(cell.scope["Amplifier"])
     assert made.run().metrics == {"y": 60.0}
     cell("def helper(x):\n    return 20.0 * x\n")
     assert made.run().metrics == made.run("python").metrics == {"y": 120.0}
@@ -83,10 +83,10 @@ def test_a_yaml_file_names_a_class_that_is_handed_over(cell, folder):
         "run: {stop: 0.1, step: 0.01}\nblocks: {in: {diagram: g.yaml}}\nmetrics: {y: {signal: in/g.y, reduce: final}}",
         encoding="utf-8",
     )
-    gain = cell.scope["Gain"]
+    gain = cell.scope["Amplifier"]
     for file in ("g.yaml", "outer.yaml"):
         assert cosim.load(file, blocks=[gain]).run().metrics == {"y": 6.0}
-        with pytest.raises(UnknownBlock, match=r"hand the class over: cosim\.load\(…, blocks=\[Gain\]\)"):
+        with pytest.raises(UnknownBlock, match=r"hand the class over: cosim\.load\(…, blocks=\[Amplifier\]\)"):
             try:
                 cosim.load(file).run()
             except cosim.errors.DiagramErrors as found:
@@ -97,8 +97,8 @@ def test_a_yaml_file_names_a_class_that_is_handed_over(cell, folder):
 
 def test_mistakes_are_told_at_the_line_of_the_cell(cell):
     cell(CELL.format("k * undefined * u"))
-    with pytest.raises(cosim.CosimError, match=r"<ipython-input-.*>:12:20: Gain.outputs\(\) uses `undefined`"):
-        diagram(cell.scope["Gain"]).check()
+    with pytest.raises(cosim.CosimError, match=r"<ipython-input-.*>:12:20: Amplifier.outputs\(\) uses `undefined`"):
+        diagram(cell.scope["Amplifier"]).check()
     with pytest.raises(cosim.CosimError, match="returns a value"):
         cell(CELL.format("k * u; return 1"))
     with pytest.raises(cosim.CosimError, match="the class int is no type of block"):
@@ -107,8 +107,8 @@ def test_mistakes_are_told_at_the_line_of_the_cell(cell):
 
 def test_a_class_without_source_is_refused(cell):
     cell(CELL.format("k * u"), name="<stdin>")
-    with pytest.raises(cosim.CosimError, match=r"the source of Gain\.outputs\(\) cannot be found") as raised:
-        diagram(cell.scope["Gain"]).run()
+    with pytest.raises(cosim.CosimError, match=r"the source of Amplifier\.outputs\(\) cannot be found") as raised:
+        diagram(cell.scope["Amplifier"]).run()
     assert isinstance(raised.value.errors[0], DeclarationError)
 
 
