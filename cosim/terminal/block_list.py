@@ -48,8 +48,11 @@ def print_found(words: str) -> None:
     """
     groups = _groups()
     named = [block for group in groups for block in group.blocks if block.name.lower() == words.lower()]
-    if len(named) == 1:
-        inspection.print_block(named[0].written)
+    first = [block for block in named if block.written == block.name] or named
+    if len(first) == 1:
+        inspection.print_block(first[0].written)
+        for other in (block for block in named if block is not first[0]):
+            say(f"another one: {other.written}")
         return
     found = catalogue.matching(groups, words)
     if not found:
@@ -61,7 +64,7 @@ def print_found(words: str) -> None:
 
 def _groups() -> list[Group]:
     """The installed blocks, and last, where it is seen, what a person has written here."""
-    return [*catalogue.installed(), *catalogue.own(Path())]
+    return [*catalogue.installed(), *catalogue.own(Path(), known=library.files())]
 
 
 def _print(groups: Sequence[Group]) -> None:

@@ -11,7 +11,7 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -102,13 +102,14 @@ def first_sentence(doc: str) -> str:
     return " ".join(re.split(r"\n\s*\n", doc.strip())[0].split())
 
 
-def own(path: Path) -> list[Group]:
-    """Those of a Python file, of the files of a folder, or of those that a diagram names.
+def own(path: Path, known: Collection[Path] = ()) -> list[Group]:
+    """Those of a Python file, of the files of a folder but those that are known, or of those that a diagram names.
 
     Raises: MissingFile, WrongFile, DiagramErrors, YamlSyntaxError.
     """
     if path.is_dir():
-        return [group for file in islice(_files(path), MOST_FILES) for group in _in_file(file)]
+        others = (file for file in _files(path) if file.resolve() not in known)
+        return [group for file in islice(others, MOST_FILES) for group in _in_file(file)]
     if path.suffix == ".py":
         source.read_bytes(path)
         return list(_in_file(path))

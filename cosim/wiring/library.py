@@ -80,6 +80,12 @@ def packs() -> dict[str, list[type[Block]]]:
     return found
 
 
+def files() -> set[Path]:
+    """Where the installed block types stand."""
+    modules = {block.__module__ for block in all_blocks().values()}
+    return {Path(file).resolve() for name in modules if (file := getattr(sys.modules.get(name), "__file__", None))}
+
+
 def broken() -> list[CosimError]:
     """What keeps modules of the installed libraries from being imported."""
     return list(_libraries()[1])
