@@ -57,7 +57,7 @@ def class_text(cls: type) -> Text | None:
     functions = (getattr(member, "__func__", member) for member in vars(cls).values())
     written = [member.__code__.co_filename for member in functions if isinstance(member, types.FunctionType)]
     file = getattr(module, "__file__", None) or next(iter(written), None)  # a notebook's cells are no files
-    parsed = _module(file, vars(module)) if file else None
+    parsed = _module(file, vars(module) if module else {}) if file else None
     node = parsed.classes.get(cls.__qualname__) if parsed else None
     return Text(str(file), node) if node else None
 
