@@ -4,6 +4,7 @@ import numpy as np
 
 from cosim import Block, CalculatedParameter, Dimension, Indicator, Input, Output, Parameter, State, rule
 from cosim.blocks.continuous import is_proper, is_strictly_proper, output_form
+from cosim.blocks.sources import time_to
 
 
 class UnitDelay(Block):
@@ -63,6 +64,45 @@ class ZeroOrderHold(Block):
     def outputs(u, y):
         for q in range(y.size):
             y[q] = u[q]
+
+
+class FirstOrderHold(Block):
+    """A line through the last two samples, which goes on until the next one. It takes its samples by events.
+
+    ::
+
+        y(t) = u(t_k) + (u(t_k) - u(t_k-1)) (t - t_k) / T   for t_k <= t < t_k+1,   t_k = k T
+
+    As its output goes on between samples, T is a parameter, and there is no `period`.
+    """
+
+    u = Input("n?", description="signal")
+    T = Parameter(unit="s", default=0.1, description="time between samples")
+    last = State("n?", description="last sample")
+    slope = State("n?", description="slope of the line")
+    count = State(dtype=np.int64, start=0, unit="1", description="how many samples there have been after the first")
+    due = Indicator(crossing="falling", unit="s", description="time to the next sample")
+    y = Output("n?", description="the line")
+
+    positive = rule("T > 0")(lambda T: T > 0.0)
+
+    def start(u, last):
+        for q in range(u.size):
+            last[q] = u[q]
+
+    def outputs(time, T, last, slope, count, y):
+        for q in range(y.size):
+            y[q] = last[q] + slope[q] * (time - count * T)
+
+    def indicators(time, T, count, due):
+        due[0] = time_to((count + 1) * T, time)
+
+    def event(u, T, due, last, count, next_last, next_slope, next_count):
+        if due < 0:
+            next_count[0] = count + 1
+            for q in range(u.size):
+                next_slope[q] = (u[q] - last[q]) / T
+                next_last[q] = u[q]
 
 
 class DiscreteIntegrator(Block):

@@ -1,4 +1,4 @@
-"""Non-linear characteristics: limits, dead zones, hysteresis, steps, tables. Their corners are events."""
+"""Non-linear characteristics: limits, dead zones, hysteresis, switches, levels. Corners of the first are events."""
 
 import math
 
@@ -133,7 +133,7 @@ class Sign(Block):
 
 
 class Quantiser(Block):
-    """A signal rounded to multiples of an interval; halves are rounded upwards.
+    """A signal rounded to multiples of an interval, halves upwards. Its jumps are no events, and seen step by step.
 
     ::
 

@@ -72,6 +72,15 @@ def test_discrete_state_space():
         np.testing.assert_allclose(y, expected[:, 0], atol=1e-12)
 
 
+@pytest.mark.parametrize("T", [0.1, 0.0731])
+def test_a_first_order_hold_goes_on_along_the_line_of_its_last_samples(T):
+    run = run_block("FirstOrderHold", f"T: {T}", "u: wave.y", WAVE, step=0.01)
+    k = np.floor(run["time"] / T + 1e-9)[:, None]
+    phase = np.array([0.3, 1])
+    now, before = (np.array([1, 3]) * np.sin(4 * np.pi * at + phase) for at in (k * T, np.maximum(k - 1, 0) * T))
+    np.testing.assert_allclose(run["y"], now + (now - before) / T * (run["time"][:, None] - k * T), atol=1e-9)
+
+
 def test_rate_limit_and_backlash():
     expected, last = [], U[0]
     for u in U:

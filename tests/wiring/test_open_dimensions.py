@@ -175,3 +175,23 @@ def test_mistakes_are_told_with_their_places(tmp_path, blocks, said):
     assert len(caught.value.errors) == 1
     for part in said:
         assert part in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "per"), [("3", ""), ("[3, 4]", ""), ("[[1, 2], [3, 4]]", ""), ("[3, 4]", ", per: robot")]
+)
+@pytest.mark.parametrize("settings", ["", "run.method=joint run.integrator=rodas5p"])
+def test_algebraic_loops_and_implicit_integrators(tmp_path, trajectories, value, per, settings):
+    """y = u + y / 2, so y = 2 u; and dx/dt = y - x, a member each."""
+    path = tmp_path / "d.yaml"
+    path.write_text(
+        HEAD + f"  v: {{python: '{FILE}:Value', parameters: {{value: {value}}}{per}}}\n"
+        f"  sum: {{python: '{FILE}:Plus', inputs: {{u: v.y, v: half.y}}{per}}}\n"
+        f"  half: {{python: '{FILE}:Scale', parameters: {{k: 0.5}}, inputs: {{u: sum.y}}{per}}}\n"
+        f"  lag: {{python: '{FILE}:Follow', inputs: {{u: sum.y}}, parameters: {{T: [1]}}{per}}}\n"
+    )
+    net = run.load(path, settings.split())
+    y, x = last(trajectories, net, "sum.y", "lag.x")
+    np.testing.assert_allclose(y, 2.0 * np.array(eval(value)), rtol=1e-14)  # noqa: S307  # ours
+    expected = 1 - np.exp(-0.02) if settings else 1 - 0.99**2  # exact to order 5, or two Euler steps
+    np.testing.assert_allclose(x[..., 0], y * expected, rtol=1e-9)
