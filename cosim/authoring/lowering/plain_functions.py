@@ -90,7 +90,7 @@ class _Function:
         left = self._array(node.value) - len(indices)
         return -1 if any(isinstance(i, ast.Slice | ast.Starred) for i in indices) else left
 
-    def _array(self, node: ast.Name) -> int:
+    def _array(self, node: Any) -> int:
         """The number of axes that a name has, 0 where it is no array."""
         if (axes := self._axes.get(node.id)) is not None:
             return axes
