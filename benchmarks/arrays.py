@@ -117,7 +117,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for k, (name, texts) in enumerate(PAIRS.items()):
             for states in (2, 4, 8):
-                steps = 40000 // states**2
+                steps = 400_000 // states**2
                 runs = [
                     prepared(Path(folder), f"p{k}_{states}_{t}", states, text, steps) for t, text in enumerate(texts)
                 ]

@@ -58,6 +58,7 @@ COMPILING = (
     "authoring/lowering/names",
     "authoring/lowering/new_arrays",
     "authoring/lowering/numpy_calls",
+    "authoring/lowering/plain_functions",
     "authoring/lowering/returning",
     "authoring/lowering/routines",
     "authoring/lowering/slicing",

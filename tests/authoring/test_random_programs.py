@@ -44,7 +44,7 @@ NUMBERS = "{v}[1]|np.sum({v})|{v} @ {v}|np.max({v})|{m}[0, 2]|({n} if {n} > {n} 
 GROWN = {"v": VECTORS.split("|"), "m": MATRICES.split("|"), "n": NUMBERS.split("|")}
 LEAVES = {"v": ["u", "w", "e", "f", "g"], "m": ["A", "B", "C"], "n": ["k", "0.5", "2.0", "t"]}
 STATEMENTS = "e = {v}|f = {v}|g = {v}|C = {m}|t = {n}|y[:] = {v}|e += {v}|f *= {n}|y -= {v}|g[0] = {n}|e[1:] = {v}[:2]"
-STATEMENTS += "|f[:2] += {v}[1:]|C[1, :] = {v}|C[:, 2] = {v}|e, f = {v}, {v}|e, t, g = h3({v}, {v})|h5(f, {v})"
+STATEMENTS += "|f[:2] += {v}[1:]|C[1, :] = {v}|C[:, 2] = {v} * 1.0|e, f = {v}, {v}|e, t, g = h3({v}, {v})|h5(f, {v})"
 STATEMENTS += "|y[-2:] = {v}[:2]|e, f = f, e"
 
 

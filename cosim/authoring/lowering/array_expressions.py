@@ -243,7 +243,11 @@ class ArrayExpressions(_Parts):
         blocks: list[list[Any]] = []
         for other in others:
             with self.work.inside() as block:
-                parts.append(self.number(other).node)
+                value = self.lower(other)
+                if not isinstance(value, Scalar):
+                    fix = "write `if` and `else` as statements, or np.where(test, a, b)"
+                    self.work.refuse(node, f"chooses between arrays in `{syntax.brief(node)}`", fix)
+                parts.append(value.node)
             blocks.append(block)
         if not any(blocks):
             if is_if:

@@ -24,6 +24,7 @@ class ArrayNames:
         self._names = names
         self._views: set[str] = set()
         self._copies: list[tuple[str, str, Any]] = []
+        self._moves: list[tuple[str, str, Any]] = []
         self._parts: dict[tuple[str, int], str] = {}
 
     def owns(self, name: str) -> bool:
@@ -34,11 +35,17 @@ class ArrayNames:
         """Refuse copies that Python would have as views, where that makes a difference."""
         changed = self._work.in_place
         for name, root, node in self._copies:
-            if {name, root} & changed:
-                written = name if name in changed else root
+            if written := min((self._moved(name) | self._moved(root)) & changed, default=""):
                 what = f"makes `{name}` another name for memory of `{root}`, and writes `{written}` in place"
                 fix = f"write `{name} = ….copy()` for an array of its own, or write into `{root}` by its own name"
                 self._work.refusals.append(Refusal(node, what, fix))
+
+    def _moved(self, name: str) -> set[str]:
+        """The names between which an array goes to and fro."""
+        found = {name}
+        while more := {n for a, b, _ in self._moves if {a, b} & found for n in (a, b)} - found:
+            found |= more
+        return found
 
     def number(self, target: Any, value: Scalar) -> None:
         """A name stands for a number. Raises: Refusal where it was an array."""
@@ -99,12 +106,15 @@ class ArrayNames:
         self._work.each(room, value)
         self._names.give(name, room)
 
-    def note(self, target: Any, value: Value) -> None:
-        """Remember that a name gets a copy of what it would be another name for."""
+    def note(self, target: Any, value: Value, goes: bool = False) -> None:
+        """Remember that a name gets a copy of what it would be another name for.
+
+        goes: and the other name gets something else at once.
+        """
         if not isinstance(target, ast.Name) or not isinstance(value, Array):
             return
         if value.view is not None and value.root in self._names.local and value.root != target.id:
-            self._copies.append((target.id, value.root, target))
+            (self._moves if goes else self._copies).append((target.id, value.root, target))
 
     def _is_lasting(self, value: Array) -> bool:
         """Whether the memory of a view is not given another content by a name that is bound anew."""

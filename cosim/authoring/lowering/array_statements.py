@@ -88,8 +88,9 @@ class _Stores:
             given = stored_names(ast.walk(target))
             roots = [item.root for item in value.items if isinstance(item, Array)]
             for part, item in zip(target.elts, value.items, strict=True):
-                if isinstance(item, Array) and (item.root not in given or roots.count(item.root) > 1):
-                    self._binding.note(part, item)
+                if isinstance(item, Array):
+                    goes = item.root in given and roots.count(item.root) == 1
+                    self._binding.note(part, item, goes)
             apart = self._binding.apart(value, s)
             for part, item in zip(target.elts, apart.items if isinstance(apart, Several) else (), strict=True):
                 self._store(part, item, s)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+import builtins
+from typing import TYPE_CHECKING, Any
 
 from cosim.authoring.author_source import Text
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
 from cosim.authoring.lowering import syntax
 from cosim.authoring.lowering.axis_sizes import of_axis
-from cosim.authoring.lowering.lowered_functions import LoweredFunction, Session
-from cosim.authoring.lowering.lowered_values import REAL, TRUTH, WHOLE, ArrayKind, Scalar, Value, stored
-from cosim.authoring.lowering.work import Refusal
+from cosim.authoring.lowering.lowered_values import REAL, TRUTH, WHOLE, Array, ArrayKind, Scalar, Value, stored
+from cosim.authoring.lowering.plain_functions import Glance
+from cosim.authoring.lowering.work import LoweredFunction, Refusal
 
-_known: dict[tuple[Any, ...], tuple[Session, LoweredFunction, Function]] = {}
+if TYPE_CHECKING:
+    from cosim.authoring.lowering.lowered_functions import Session
+
+#: What has been found of functions for arguments of some kinds: how, and the function as it is run.
+_known: dict[tuple[Any, ...], tuple[Glance | Session, LoweredFunction]] = {}
 
 
 def lowered(declaration: Declaration, function: Function) -> LoweredFunction:
@@ -27,24 +32,36 @@ def refusals(
 
     complete: whether all names of the module are known.
     """
-    session, _, _ = _of(declaration, function)
-    code = function.python.__code__
-    unknown = [n for n in code.co_names if n not in function.python.__globals__ and not hasattr(__builtins__, n)]
+    session, _ = _of(declaration, function)
+    if isinstance(session, Glance):
+        return [], set()
+    names = function.python.__code__.co_names
+    unknown = [n for n in names if n not in function.python.__globals__ and not hasattr(builtins, n)]
     return ([] if unknown and not complete else session.refusals), session.handled
 
 
-def _of(declaration: Declaration, function: Function) -> tuple[Session, LoweredFunction, Function]:
+def _of(declaration: Declaration, function: Function) -> tuple[Glance | Session, LoweredFunction]:
     arguments = {name: _argument(declaration, function, name) for name in function.arguments}
     kinds = tuple((n, getattr(v, "kind", None), getattr(v, "element", "")) for n, v in arguments.items())
     key = (function.python, kinds, declaration.compiled, bool(declaration.foreign))
     found = _known.get(key)
     if found is None or not found[0].is_current():
-        session = Session(frozenset(declaration.dimension_names()))
-        made = None
-        if declaration.compiled and not declaration.foreign:
-            made = session.function(function.python, arguments, is_helper=False)
-        found = _known[key] = session, made or LoweredFunction(function.python), function
+        found = _known[key] = _found(declaration, function, arguments)
     return found
+
+
+def _found(
+    declaration: Declaration, function: Function, arguments: dict[str, Value]
+) -> tuple[Glance | Session, LoweredFunction]:
+    glance, same = Glance(), LoweredFunction(function.python)
+    if not declaration.compiled or declaration.foreign:
+        return glance, same
+    if glance.is_plain(function.python, {n: v.axes if isinstance(v, Array) else 0 for n, v in arguments.items()}):
+        return glance, same
+    from cosim.authoring.lowering.lowered_functions import Session
+
+    session = Session(frozenset(declaration.dimension_names()))
+    return session, session.function(function.python, arguments, is_helper=False) or same
 
 
 def _argument(declaration: Declaration, function: Function, name: str) -> Value:

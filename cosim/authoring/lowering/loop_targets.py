@@ -6,7 +6,7 @@ import ast
 from typing import Any
 
 from cosim.authoring.lowering import syntax
-from cosim.authoring.lowering.lowered_values import WHOLE, Array, ArrayKind, Scalar, Value, stored
+from cosim.authoring.lowering.lowered_values import WHOLE, Array, ArrayKind, Scalar, Several, Value, stored
 from cosim.authoring.lowering.work import Lowerer
 from cosim.authoring.scope import resolve
 
@@ -31,7 +31,10 @@ def iterated(expressions: Lowerer, node: Any, target: Any) -> tuple[Any, dict[st
             lying = expressions.work.copied(lying, node)  # its memory may get another content in the loop
         name = node if lying.storage == getattr(node, "id", "") else syntax.name(lying.storage)
         return name, _of(target, lying), True
-    return getattr(value, "node", node), _names(target, Scalar(target)), False
+    if isinstance(value, Several):
+        fix = "write the statements for each of them, in a helper function perhaps"
+        expressions.work.refuse(node, f"loops over the arrays in `{syntax.brief(node)}`", fix)
+    return value.node, _names(target, Scalar(target)), False
 
 
 def _together(expressions: Lowerer, node: ast.Call, target: Any, function: Any) -> tuple[Any, dict[str, Value], bool]:

@@ -19,25 +19,8 @@ from cosim.authoring.lowering.array_statements import ArrayStatements
 from cosim.authoring.lowering.lowered_values import Array, Scalar, Several, Value, has_arrays, stored
 from cosim.authoring.lowering.names import Names, kind_of_constant
 from cosim.authoring.lowering.returning import Returning, numbers_in
-from cosim.authoring.lowering.work import Into, Refusal, Temporary, Work
+from cosim.authoring.lowering.work import Into, LoweredFunction, Refusal, Work
 from cosim.authoring.scope import scope_of
-
-
-@dataclass(frozen=True)
-class LoweredFunction:
-    """A function as the engines run it; temporaries: of which it takes memory behind the author's arguments.
-
-    changed: whether it is another than the author's. result, is_view: see `Returning`; written: the arguments that it
-    writes.
-    """
-
-    python: Any
-    temporaries: tuple[Temporary, ...] = ()
-    changed: bool = False
-    result: Value | None = None
-    is_view: bool = False
-    written: frozenset[str] = frozenset()
-
 
 #: The text of each function that has been made, by its code.
 TREES: dict[types.CodeType, ast.Module] = {}

@@ -42,6 +42,22 @@ class Temporary:
 
 
 @dataclass(frozen=True)
+class LoweredFunction:
+    """A function as the engines run it; temporaries: of which it takes memory behind the author's arguments.
+
+    changed: whether it is another than the author's. result, is_view: see `Returning`; written: the arguments that it
+    writes.
+    """
+
+    python: Any
+    temporaries: tuple[Temporary, ...] = ()
+    changed: bool = False
+    result: Value | None = None
+    is_view: bool = False
+    written: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
 class Into:
     """The name that what an expression stands for will have, and the array behind it where there is one yet."""
 
