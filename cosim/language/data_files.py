@@ -105,7 +105,8 @@ def _table(content: bytes, file: str, column: str | None) -> np.ndarray:
     if not rows:
         raise WrongFile(f"`{file}` has no row", fix="give it a line of names, and lines of numbers")
     line, first = rows[0]
-    names = None if all(map(_is_number, first)) else [name.strip() for name in first]
+    stripped = [name.strip() for name in first]
+    names = None if all(map(_is_number, first)) and column not in stripped else stripped  # which may be years
     body = rows[1:] if names else rows
     if not body:
         raise WrongFile(f"`{file}` has no numbers below its names", Position(file, line, 1), "add lines of numbers")
@@ -139,7 +140,8 @@ def _rows(content: bytes, file: str) -> list[tuple[int, list[str]]]:
 def _column(name: str, names: list[str] | None, file: str) -> int:
     if names is None:
         message = f"`{file}` has no line with names of columns, so there is no column `{name}`"
-        raise WrongValue(message, fix="add one as its first line, or leave `column` out for all columns")
+        fix = "add one as its first line (of numpy.savetxt, with comments=''), or leave `column` out for all columns"
+        raise WrongValue(message, fix=fix)
     if names.count(name) > 1:
         raise WrongValue(f"`{file}` has several columns `{name}`", fix="rename one of them")
     if name not in names:

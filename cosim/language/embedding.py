@@ -57,7 +57,7 @@ class Unfolded:
         if isinstance(node.value, list):
             return replace(node, value=[self.rewired(child, problems) for child in node.value])
         block, port = endpoint(node.value) if isinstance(node.value, str) else ("", "")
-        if block not in self.shown:
+        if block not in self.shown or not port:
             return node
         outputs = self.shown[block]
         port, bracket, rest = port.partition("[")
@@ -198,7 +198,7 @@ def _moved(node: Node, names: Mapping[str, str]) -> Node:
     if isinstance(node.value, list):
         return replace(node, value=[_moved(child, names) for child in node.value])
     block, port = endpoint(node.value) if isinstance(node.value, str) else ("", "")
-    return replace(node, value=f"{names[block]}.{port}") if block in names else node
+    return replace(node, value=f"{names[block]}.{port}") if port and block in names else node
 
 
 def _hand_values(outer: BlockEntry, blocks: dict[str, BlockEntry], problems: Problems) -> None:

@@ -13,7 +13,7 @@ def paths(text: str) -> tuple[str, ...]:
 def short_name(text: str) -> str:
     """What an axis or a draw is called, whatever others there are: `plant.mass` for `blocks.plant.parameters.mass`."""
     parts = paths(text)[0].split(".")
-    is_value = len(parts) > 3 and parts[0] == "blocks" and parts[2] in ("parameters", "start")
+    is_value = len(parts) > 3 and parts[0] == "blocks" and parts[2] in ("parameters", "start", "inputs")
     if len(parts) > 2 and parts[0] == "blocks" and parts[2] not in BLOCK:
         return ".".join(parts[1:])
     return ".".join([parts[1], *parts[3:]] if is_value else parts)

@@ -6,7 +6,6 @@ Own files are only read for it, none is run.
 from __future__ import annotations
 
 import ast
-import inspect
 import os
 import re
 import sys
@@ -31,13 +30,12 @@ _SKIPPED = ("__pycache__", "node_modules", "site-packages", "build", "dist", "te
 
 @dataclass(frozen=True)
 class Listed:
-    """A block type: how a diagram names it, the first sentence of its text, all words of it, and where it stands."""
+    """A block type: how a diagram names it, the first paragraph of its text, and all words by which it is found."""
 
     name: str
     written: str
     summary: str
     words: str
-    place: str
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ def _common(modules: Iterable[str]) -> str:
 
 def _group(module: str, blocks: list[type[Block]], title: str, pack: str) -> Group:
     doc = getattr(sys.modules.get(module), "__doc__", "") or ""
-    return Group(title, first_sentence(doc), tuple(_listed(block, pack) for block in sorted(blocks, key=_name)))
+    return Group(title, first_paragraph(doc), tuple(_listed(block, pack) for block in sorted(blocks, key=_name)))
 
 
 def _name(block: type[Block]) -> str:
@@ -91,13 +89,10 @@ def _listed(block: type[Block], pack: str) -> Listed:
     doc, name = block.declaration.doc, block.__name__
     unique = sum(other.__name__ == name for blocks in library.packs().values() for other in blocks) == 1
     written = name if unique else f"{pack}:{name}"
-    file = inspect.getsourcefile(block)
-    return Listed(
-        name, written, first_sentence(doc), f"{name} {doc} {block.__module__}", f"{block.__module__} in {file}"
-    )
+    return Listed(name, written, first_paragraph(doc), f"{name} {doc} {block.__module__}")
 
 
-def first_sentence(doc: str) -> str:
+def first_paragraph(doc: str) -> str:
     """The first paragraph of a text, in one line."""
     return " ".join(re.split(r"\n\s*\n", doc.strip())[0].split())
 
@@ -151,7 +146,7 @@ def _in_file(path: Path) -> Iterator[Group]:
         return
     blocks = tuple(_declared(tree, path))
     if blocks:
-        yield Group(str(path), first_sentence(ast.get_docstring(tree) or ""), blocks, "python")
+        yield Group(str(path), first_paragraph(ast.get_docstring(tree) or ""), blocks, "python")
 
 
 def _declared(tree: ast.Module, path: Path) -> Iterator[Listed]:
@@ -164,8 +159,7 @@ def _declared(tree: ast.Module, path: Path) -> Iterator[Listed]:
             bases.add(statement.name)
             if not statement.name.startswith("_"):
                 doc, name = ast.get_docstring(statement) or "", statement.name
-                place = f"{path}:{statement.lineno}"
-                yield Listed(name, f"{path}:{name}", first_sentence(doc), f"{name} {doc} {path}", place)
+                yield Listed(name, f"{path}:{name}", first_paragraph(doc), f"{name} {doc} {path}")
 
 
 def matching(groups: Iterable[Group], words: str) -> list[Group]:

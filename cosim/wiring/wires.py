@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cosim.authoring.variables import Input, Local, State
 from cosim.errors import NotWirable, UnconnectedInput, UnknownPort, WrongValue
+from cosim.language import expression
 from cosim.language.reader import endpoint, is_constant
 from cosim.language.source import Node
 from cosim.wiring import meaning
@@ -18,6 +19,7 @@ def connect(draft: Draft, component: Component) -> None:
         sources = node.value if isinstance(node.value, list) else [node]
         if name in inputs and is_constant(node):
             draft.problems.attempt(_check_idle_start, component, name, node)
+            draft.problems.attempt(_check_names, draft, component, name, node)
         elif name in inputs and sources:
             found = [draft.problems.attempt(_source, draft, component, name, source) for source in sources]
             component.wires[name] = tuple(s for s in found if s)
@@ -29,6 +31,21 @@ def connect(draft: Draft, component: Component) -> None:
     for name in inputs:
         if name not in component.entry.inputs and (component.name, name) not in draft.values:
             draft.problems.add(_unconnected(component, name))
+
+
+def _check_names(draft: Draft, component: Component, port: str, node: Node) -> None:
+    """Raises: WrongValue for a constant such as `e` where a block is called so, of which a port may be meant."""
+    if isinstance(node.value, list):
+        for child in node.value:
+            _check_names(draft, component, port, child)
+        return
+    inside = component.name.rpartition("/")[0]
+    for name in sorted(expression.names(node.value)) if isinstance(node.value, str) else ():
+        meant = (f"{inside}/{name}/" if inside else f"{name}/", f"{name}/")
+        if any(f"{block}/".startswith(meant) for block in draft.diagram.blocks):
+            said = f"input `{port}` is the constant `{node.value}`, and a block is called `{name}`"
+            fix = f"write {name}.port for what that gives out, or a number"
+            raise WrongValue(f"block {component.name}: {said}", node.position, fix)
 
 
 def _unconnected(component: Component, name: str) -> UnconnectedInput:

@@ -68,6 +68,15 @@ def test_numbers_without_names_and_other_separators(data):
     assert read("{file: t.tsv, column: a}").value.array.tolist() == [7.0]
 
 
+def test_names_of_columns_may_be_numbers_and_lines_may_end_anyhow(data):
+    write("years.csv", "2020,2021\n1,2\n3,4\n")
+    assert read('{file: years.csv, column: "2021"}').value.array.tolist() == [2.0, 4.0]
+    Path("dos.csv").write_bytes(b"a,b\r\n1,2\r\n3,4\r\n")
+    assert read("{file: dos.csv, column: b}").value.array.tolist() == [2.0, 4.0]
+    write("quoted.csv", '"a, in m","b"\n"1","2"\n')
+    assert read('{file: quoted.csv, column: "a, in m"}').value.array.tolist() == [1.0]
+
+
 def test_the_path_belongs_to_the_file_that_says_it(data):
     write("sub/base.yaml", HEAD + "blocks: {b: {block: B, parameters: {a: {file: ../data/t.csv, column: torque}}}}\n")
     over = "extends: sub/base.yaml\nblocks: {b: {parameters: {c: {file: data/one.npy}}}}\n"

@@ -3,6 +3,7 @@
 import pytest
 
 from cosim.errors import DiagramErrors, WrongValue
+from cosim.study.dotted_paths import short_name
 from cosim.study.variants import Variants
 
 
@@ -36,3 +37,8 @@ def test_what_cannot_be_added_to_is_a_mistake(study):
     with pytest.raises(DiagramErrors) as caught:
         Variants(loaded).base("a")
     assert isinstance(caught.value.errors[0], WrongValue) and "there is none" in caught.value.errors[0].message
+
+
+def test_an_axis_of_constants_is_called_by_block_and_input():
+    assert short_name("blocks.lag.inputs.u") == "lag.u"
+    assert short_name("blocks.lag.period") == "blocks.lag.period"

@@ -194,3 +194,23 @@ def test_mistakes(folder, setting, kind, said, fix):
 def test_what_a_wired_input_reads_is_recorded_where_it_comes_from(folder):
     error = mistake("blocks.body.inputs.u=ramp.y", "record.signals=[body.u]")
     assert "`body.u`" in error.message and error.fix == "name ramp.y"
+
+
+@pytest.mark.parametrize(("text", "wrong"), [("e", True), ("[2*e]", True), ("pi", False), ("2.71", False)])
+def test_a_block_whose_name_is_a_number_may_be_meant(folder, text, wrong):
+    Path("e.yaml").write_text(f"""
+run: {{stop: 1, step: 1}}
+blocks:
+  e: {{python: "own.py:Ramp"}}
+  push: {{python: "own.py:Push", dimensions: {{n: 1}}, inputs: {{f: {text}}}}}
+""")
+    Path("outer.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {in: {diagram: e.yaml}}\n")
+    body = f"{{python: 'own.py:Push', dimensions: {{n: 1}}, inputs: {{f: {text}}}}}"
+    Path("ramp.yaml").write_text("run: {stop: 1, step: 1}\nblocks: {r: {python: 'own.py:Ramp'}}\n")
+    Path("sub.yaml").write_text(f"run: {{stop: 1, step: 1}}\nblocks:\n  e: {{diagram: ramp.yaml}}\n  push: {body}\n")
+    for name in ("e.yaml", "outer.yaml", "sub.yaml"):
+        if wrong:
+            error = mistake(of=name)
+            assert "a block is called `e`" in error.message and "e.port" in error.fix
+        else:
+            run.load(name)
