@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim import Block, CalculatedParameter, Dimension, Indicator, Input, Output, Parameter, State, condition, rule
+from cosim import Block, CalculatedParameter, Dimension, Indicator, Input, Output, Parameter, State, rule
 from cosim.blocks.nonlinear import distance
 
 
@@ -24,19 +24,6 @@ class Integrator(Block):
     def derivatives(u, k, d_x):
         for q in range(u.size):
             d_x[q] = k[q] * u[q]
-
-
-MOMENT = 2.0**-40
-"""Seconds after the start."""
-
-
-def at_limit(side: int, x: float, lower: float, upper: float) -> int:
-    """1 at the upper limit, -1 at the lower one, 0 between: by the last event, or as it is since the start."""
-    if side != 0:
-        return side
-    if x >= upper:
-        return 1
-    return -1 if x <= lower else 0
 
 
 class LimitedIntegrator(Block):
@@ -65,26 +52,19 @@ class LimitedIntegrator(Block):
 
     ordered = rule("lower < upper")(lambda lower, upper: bool(np.all(lower < upper)))
 
-    @condition("lower <= x <= upper, also at the start")
-    def within(x, lower, upper):
-        return bool(
-            x.smallest >= np.min(lower) and x.largest <= np.max(upper)
-        ), f"x from {x.smallest:g} to {x.largest:g}"
+    def start(x, lower, upper, side):
+        for q in range(x.size):
+            side[q] = 1 if x[q] >= upper[q] else (-1 if x[q] <= lower[q] else 0)
 
-    def derivatives(u, k, lower, upper, x, side, d_x):
+    def derivatives(u, k, side, d_x):
         for q in range(u.size):
-            limit = at_limit(side[q], x[q], lower[q], upper[q])
-            d_x[q] = k[q] * u[q] if limit == 0 or limit * k[q] * u[q] < 0.0 else 0.0
+            d_x[q] = k[q] * u[q] if side[q] == 0 or side[q] * k[q] * u[q] < 0.0 else 0.0
 
-    def indicators(time, u, reset, k, lower, upper, x, side, below_upper, above_lower, leaves, resets):
+    def indicators(u, reset, k, lower, upper, x, side, below_upper, above_lower, leaves, resets):
         for q in range(u.size):
             below_upper[q] = -distance(x[q], upper[q]) if side[q] == 0 else 1.0
             above_lower[q] = distance(x[q], lower[q]) if side[q] == 0 else 1.0
             leaves[q] = -side[q] * k[q] * u[q] if side[q] != 0 else -1.0
-            if side[q] == 0 and x[q] == upper[q]:  # begins there: an event a moment after the start says so
-                below_upper[q] = MOMENT - time if k[q] * u[q] > 0.0 else 1.0
-            if side[q] == 0 and x[q] == lower[q]:
-                above_lower[q] = MOMENT - time if k[q] * u[q] < 0.0 else 1.0
         resets[0] = reset
 
     def event(x_reset, lower, upper, below_upper, above_lower, leaves, resets, next_x, next_side):
