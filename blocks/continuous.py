@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim import Block, CalculatedParameter, Dimension, Indicator, Input, Output, Parameter, State, rule
-from cosim.blocks.nonlinear import distance
+from cosim.blocks.nonlinear import clamp, distance
 
 
 class Integrator(Block):
@@ -43,6 +43,7 @@ class LimitedIntegrator(Block):
     k = Parameter("n?", default=1.0, description="gain")
     lower = Parameter("n?", default=-np.inf, description="lower limit")
     upper = Parameter("n?", default=np.inf, description="upper limit")
+    x_start = Parameter("n?", default=0.0, description="where it begins, within the limits")
     x = State("n?", output=True, description="integral")
     side = State("n?", dtype=np.int32, start=0, description="-1 at the lower limit, 1 at the upper one, 0 between")
     below_upper = Indicator("n?", crossing="falling", description="distance from the upper limit, while between")
@@ -52,9 +53,10 @@ class LimitedIntegrator(Block):
 
     ordered = rule("lower < upper")(lambda lower, upper: bool(np.all(lower < upper)))
 
-    def start(x, lower, upper, side):
+    def start(x_start, lower, upper, x, side):
         for q in range(x.size):
-            side[q] = 1 if x[q] >= upper[q] else (-1 if x[q] <= lower[q] else 0)
+            x[q] = clamp(x_start[q], lower[q], upper[q])
+            side[q] = 1 if x_start[q] >= upper[q] else (-1 if x_start[q] <= lower[q] else 0)
 
     def derivatives(u, k, side, d_x):
         for q in range(u.size):

@@ -133,12 +133,11 @@ def test_an_integrator_is_reset_where_a_signal_rises_through_zero():
 def test_an_integrator_that_begins_at_a_limit_stays_there_until_it_is_led_away():
     run = run_block(
         "LimitedIntegrator",
-        f"k: {W}, upper: 1",
+        f"k: {W}, upper: 1, x_start: 1",
         "u: wave.y",
         outputs=("x",),
         step=0.013,
         stop=1.3,
-        rest="start: {x: 1}",
     )
     time = run["time"]
     expected = np.where(time < 0.5, 1.0, 1.0 - (1 + np.cos(W * time)))
