@@ -61,7 +61,7 @@ def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
         if good:
             problems.attempt(compile_object, name, good)  # what is wrong with the others
         problems.raise_one_or_all()
-    return str(library._final_module) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+    return str(library.linked()) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
 
 
 def _add(source: KernelSource, library: Any) -> None:

@@ -19,11 +19,13 @@ from numba.core import config as numba_config
 from numba.core import sigutils
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.types import BooleanLiteral, IntegerLiteral, unliteral
 
 from cosim.authoring.author_source import shown
 from cosim.authoring.lowering import routines
 from cosim.compiling import checks, intrinsics
 from cosim.compiling.fingerprint.text import fingerprint
+from cosim.compiling.linking import Codegen
 from cosim.errors import KernelError, Position
 from cosim.machine import memory
 
@@ -35,7 +37,8 @@ class Target:
     typing_context = cpu_target.typing_context
 
     def __init__(self) -> None:
-        self.target_context = cpu_target.target_context.with_aot_codegen("cosim")
+        codegen: Any = Codegen
+        self.target_context = cpu_target.target_context.subtarget(_internal_codegen=codegen("cosim"), aot_mode=True)
         self.target_context.__class__ = checks.Context
 
 
@@ -89,11 +92,22 @@ class Helper(CPUDispatcher):
         self.overloads[tuple(result.signature.args)] = result
         self.targetctx.insert_user_function(result.fndesc, result.fndesc, [result.library])
 
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """numba's own; the framework's own code is compiled once for all constants, which LLVM puts in anyway."""
+        if not self.checked:
+            args = tuple(_width(a) for a in args)
+        return super().get_call_template(args, kws)
+
     def get_overload(self, signature: Any) -> Any:
         """The key of a compiled signature."""
         arguments, _ = sigutils.normalize_signature(signature)
         found: Any = self.overloads[tuple(arguments)]
         return found.fndesc
+
+
+def _width(kind: Any) -> Any:
+    """The type of a constant whole number or truth value; any other type as it is."""
+    return unliteral(kind) if isinstance(kind, (IntegerLiteral, BooleanLiteral)) else kind
 
 
 _helpers: dict[Any, Helper] = {}

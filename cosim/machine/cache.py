@@ -85,6 +85,7 @@ COMPILING = (
     "compiling/frame",
     "compiling/helpers",
     "compiling/intrinsics",
+    "compiling/linking",
     "compiling/mixed_numbers",
     "errors",
     "language/expression",
