@@ -331,6 +331,10 @@ UNWRITTEN = {
         "",
     ),
     "read first by a helper": (outputs("u, w, y", W, "add_to(y, 1.0)  #!"), "reads `y` before it is written", ""),
+    "read first by numpy": (outputs("u, w, y", W, "y[:] = u - np.sum(y)  #!"), "reads `y` before it is written", ""),
+    "read first by a method": (outputs("u, w, y", W, "y[:] = u - y.max()  #!"), "reads `y` before it is written", ""),
+    "read first by Python": (outputs("u, w, y", W, "y[:] = u - sum(y)  #!"), "reads `y` before it is written", ""),
+    "read first as it is": (outputs("u, w, y", W, "y[:] = y  #!"), "reads `y` before it is written", ""),
 }
 # loop: the element that it leaves out, and the fix
 LEFT_OUT = {

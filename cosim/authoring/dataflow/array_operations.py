@@ -12,6 +12,8 @@ import numpy as np
 VIEWS = frozenset({"T", "flat", "real", "imag"})
 VIEWING = frozenset({"reshape", "ravel", "view", "transpose", "squeeze", "swapaxes", "diagonal"})
 WRITING = frozenset({"fill", "itemset", "put", "partition", "resize", "setfield", "setflags", "sort"})
+#: Methods that read all elements.
+READING = frozenset({"sum", "mean", "min", "max", "prod", "any", "all", "dot", "copy", "clip", "trace"})
 #: Attributes that say nothing of the elements.
 SHAPE = frozenset({"size", "shape", "ndim", "dtype", "nbytes", "itemsize", "strides"})
 
@@ -29,6 +31,15 @@ _WRITING_FUNCTIONS = frozenset({"copyto", "put", "place", "putmask", "fill_diago
 def views_first(function: Any) -> bool:
     """Whether a function of numpy returns another view of its first argument."""
     return _is_numpy(function) and function.__name__ in _VIEWING_FUNCTIONS
+
+
+def reads_elements(function: Any) -> bool:
+    """Whether a function of numpy reads the elements of what it is given, and makes no other view of it."""
+    return (
+        not views_first(function)
+        and function.__name__ not in _WRITING_FUNCTIONS | {"shape", "size", "ndim"}
+        and (not function.__name__.endswith("_like"))
+    )
 
 
 def written_by_numpy(call: ast.Call, function: Any) -> list[Any] | None:

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterable
 from typing import Any
 
-from cosim.authoring.dataflow.array_operations import WRITING, is_harmless, written_by_numpy
+from cosim.authoring.dataflow.array_operations import READING, WRITING, is_harmless, reads_elements, written_by_numpy
 from cosim.authoring.dataflow.effects import Effects
 from cosim.authoring.dataflow.record import WalkRecord
 from cosim.authoring.dataflow.views import Called, Views
@@ -75,14 +75,25 @@ class Expressions:
         func = node.func
         if isinstance(func, ast.Attribute) and func.attr in WRITING and self._views.roots(func.value):
             return self._outs(node, [func.value], written)
+        if isinstance(func, ast.Attribute) and func.attr in READING:
+            self._reads([func.value, *node.args], written)
         value = self._views.symbols.outside(func)
+        if any(value is function for function in (sum, min, max)):
+            self._reads(node.args, written)
         outs = written_by_numpy(node, value)
         if outs is not None:
+            if reads_elements(value):
+                self._reads(node.args[: getattr(value, "nin", None)], written)
             return self._outs(node, outs, written)
         if is_harmless(value):
             return written
         inner = self._called(node)
         return self._unknown_call(node, written) if inner is None else self._helper(node, inner, written)
+
+    def _reads(self, given: Iterable[Any], written: Written) -> None:
+        """A call reads whole arrays, or parts of them."""
+        for array in given:
+            self._record.read(array, self._views.roots(array), written)
 
     def _outs(self, node: ast.Call, outs: Iterable[Any], written: Written) -> Written:
         """A call writes some expressions as a whole."""

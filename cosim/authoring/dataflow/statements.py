@@ -27,6 +27,8 @@ class Statements:
         match s:
             case ast.Assign():
                 written = self._expressions.follow(s.value, written)
+                if any(isinstance(target, ast.Subscript) for target in s.targets):
+                    self._record.read(s.value, self._views.roots(s.value), written)
                 for target in s.targets:
                     written = self.store(target, written)
             case ast.AnnAssign() if s.value is not None:
