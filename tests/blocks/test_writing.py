@@ -11,7 +11,7 @@ from tests.blocks import library_diagrams
 
 FILES = sorted((Path(__file__).parents[2] / "blocks").glob("*.py"))
 #: The files of the paper; the others are for any system, and `test_library.py` looks for their equations.
-PAPERS = [path for path in FILES if path.stem not in (*library_diagrams.FILES, "kalman_steps", "matrices")]
+PAPERS = [path for path in FILES if path.stem not in (*library_diagrams.FILES, "kalman_steps", "matrices", "noise")]
 #: An equation, or the place where the paper says it in words.
 NUMBER = re.compile(r"\(\d+\)|Section [IV]+|Fig. \d|Lemma \d|Theorems? \d|Definition \d")
 

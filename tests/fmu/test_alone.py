@@ -173,15 +173,15 @@ def test_check_and_plot_go_with_it(command, tmp_path):
 
 
 def test_a_picture_of_many_signals_shows_the_outputs(tmp_path):
-    from cosim.plot import figures
+    from cosim.plot import signal_plot
 
     path = machine.build(tmp_path, 3, "me")
     network = run.load(path, ["run.stop=0.1", "run.step=0.01"])
     output = tmp_path / "many.nc"
     assert run.Run(network, output=output).execute().status == "completed"
     with open_result(output) as result:
-        assert len(result.signals) > figures.MOST_PANELS
-        shown = figures.default_signals(result)
+        assert len(result.signals) > signal_plot.MOST_PANELS
+        shown = signal_plot.default_signals(result)
         assert "machine3.x" in shown
         assert "machine3.v" not in shown
 

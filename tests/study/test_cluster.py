@@ -8,9 +8,10 @@ import time
 import pytest
 
 from cosim.errors import ClusterError
-from cosim.study import running
+from cosim.study import executors, running
 from cosim.study.executors import processes
 from cosim.study.running import Options
+from cosim.study.variants import Variants
 from tests.study.conftest import DIAGRAM, STUDY
 
 SLOW = DIAGRAM.replace("step: 0.01", "step: 0.00001")
@@ -59,9 +60,9 @@ def test_a_worker_that_dies_takes_nothing_with_it(results, study, cluster, tmp_p
 
 def test_blocks_that_a_process_has_once_run_in_processes(results, study, tmp_path, monkeypatch):
     here = figures(results())
-    monkeypatch.setattr("cosim.study.variants.Variants.shareable", lambda self: False)
+    monkeypatch.setattr(Variants, "shareable", lambda self: False)
     used = []
-    monkeypatch.setattr("cosim.study.executors.processes", lambda n, stop: used.append(n) or processes(n, stop))
+    monkeypatch.setattr(executors, "processes", lambda n, stop: used.append(n) or processes(n, stop))
     there = running.run(study(), Options(tmp_path / "there"))
     assert used
     assert figures(there) == here

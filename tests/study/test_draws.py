@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import NoAcceptedDraw
+from cosim.study import draws as draws_module
 from cosim.study.variants import Variants
 
 TEXT = """
@@ -61,7 +62,7 @@ def test_only_accepted_starts_count(study, method):
 
 
 def test_a_condition_that_nothing_satisfies_is_an_error_with_a_place(study, monkeypatch):
-    monkeypatch.setattr("cosim.study.draws.TRIALS", 50)
+    monkeypatch.setattr(draws_module, "TRIALS", 50)
     with pytest.raises(NoAcceptedDraw, match="none of 50") as caught:
         drawn(study, accept="accept: {lag.x: {least: 10}}")
     assert "study.yaml:10" in str(caught.value)

@@ -94,7 +94,11 @@ def refused(capsys, *words):
 def test_groups_are_files_of_the_library_and_packs_and_own_files(packs, capsys):
     Path("mine.py").write_text(OWN)
     out = shown(capsys)
-    assert "\nacme.motors: The pack acme_motors.\n" in out and out.startswith("reference: Where each robot")
+    assert (
+        "\nacme.motors: The pack acme_motors.\n" in out
+        and out.startswith("arithmetic: ")
+        and "\nreference: Where each robot" in out
+    )
     assert "\n  acme.motors:Servo  A servo" in out and "\n  Stepper " in out  # a name that one pack alone has
     assert "\nmine.py: Mine.\n  Mine    y = 1.\n  Deeper  A child of Mine.\n  Other   Without" in out
     assert "_Hidden" not in out and "NoBlock" not in out

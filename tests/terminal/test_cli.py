@@ -271,7 +271,7 @@ def test_check_says_where_an_integrators_order_is_lost(cosim, write, method, int
 def test_blocks_lists_the_library_and_shows_one(cosim):
     code, out, _ = cosim("blocks")
     assert code == 0 and "NeuralObserver" in out and "OmnidirectionalRobot" in out
-    assert "pid — PID controllers, in continuous time and sampled:\n  PID " in out  # by file
+    assert "pid: PID controllers, in continuous time and sampled.\n  DiscretePID " in out  # by file
     code, out, _ = cosim("blocks", "SlidingModeDifferentiator")
     assert code == 0 and "(29)" in out and "xi_1[n]" in out and "lipschitz" in out
     code, _, err = cosim("blocks", "NeuralObservr")
