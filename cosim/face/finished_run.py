@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class FinishedRun:
-    """A run that is over. `run["plant.x"]` is a recorded signal as an array (k, *shape), over `times` (k,) in s.
+    """A run that is over. `run["plant.x"]` is a recorded signal as an array ``(k, *shape)``, over `times` (k,) in s.
 
     The axis of a fleet's members comes first in a signal's shape. `signals` has all of them as an xarray Dataset.
     """
@@ -102,7 +102,7 @@ class FinishedRun:
     # ---- signals ----
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """The samples (k, *shape) of a recorded signal, `block.port`. Raises: UnknownBlock, UnknownPort."""
+        """The samples ``(k, *shape)`` of a recorded signal, `block.port`. Raises: UnknownBlock, UnknownPort."""
         if name not in self._values:
             self._network.find(name, None)
             fix = f'.set({{"record.signals": [{", ".join(map(repr, [*self._values, name]))}]}})'
