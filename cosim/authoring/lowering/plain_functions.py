@@ -98,20 +98,31 @@ class _Function:
         return value.ndim if isinstance(value, np.ndarray) else 0
 
     def _call(self, node: ast.Call) -> bool:
+        rest = [*node.args, *(k.value for k in node.keywords)]
+        match node.func:
+            case ast.Attribute(value=ast.Name() as array, attr="fill") if self._array(array):
+                return self.passes(rest)
+            case ast.Attribute(value=ast.Call() as number) if self._is_number(number):  # such as its bits
+                return self.passes([number, *rest])
         function = resolve(node.func, self._scope)
         function = getattr(function, "py_func", function)
         if not isinstance(function, types.FunctionType):
             known = isinstance(function, np.ufunc | type) or getattr(function, "__module__", "") in ("math", "builtins")
-            return known and self.passes(list(node.args)) and self.passes([k.value for k in node.keywords])
+            return known and self.passes(rest)
         text = function_text(function) if isinstance(node.func, ast.Name) else None
         if text is None or node.keywords or len(node.args) != len(arguments_of(text.node)):
             return False
         axes = [self._left(a) for a in node.args]
-        rest = [
+        given = [
             a.slice if isinstance(a, ast.Subscript) and left > 0 else a for a, left in zip(node.args, axes, strict=True)
         ]
-        rest = [a for a in rest if not (isinstance(a, ast.Name) and self._array(a))]
+        given = [a for a in given if not (isinstance(a, ast.Name) and self._array(a))]
         if min(axes, default=0) < 0:
             return False
         names = [a.arg for a in arguments_of(text.node)]
-        return self.passes(rest) and self._glance.is_plain(function, dict(zip(names, axes, strict=True)))
+        return self.passes(given) and self._glance.is_plain(function, dict(zip(names, axes, strict=True)))
+
+    def _is_number(self, node: ast.Call) -> bool:
+        """Whether a call makes one of numpy's numbers, if what it is given is one."""
+        made = resolve(node.func, self._scope)
+        return isinstance(made, type) and issubclass(made, np.generic)
