@@ -61,6 +61,21 @@ class Toggle(Block):
             next_s[0] = -s
 
 
+class Alarm(Block):
+    at = Parameter(unit="s")
+    n = State(output=True, start=0, dtype=int)
+    last = State(output=True, start=-1.0)
+    due = Indicator()
+
+    def indicators(time, at, due):
+        due[0] = time - at
+
+    def event(time, due, n, next_n, next_last):
+        if due != 0:
+            next_n[0] = n + 1
+            next_last[0] = time
+
+
 class Sum(Block):
     u = Input()
     x = State(output=True)
@@ -120,6 +135,20 @@ def test_a_ball_that_has_bounced_at_the_end_of_a_step_bounces_in_the_next(ran, e
     assert -1e-15 < got["b.h"][1] < 0.0
     assert got["b.n"].tolist() == [0, 1, 2] and got["b.last"][-1] == pytest.approx(1.8, abs=1e-11)
     assert got["b.h"][-1] == pytest.approx(0.2 * 0.32 - 0.2**2, abs=1e-11)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_indicators_of_both_directions_that_cross_closely_after_each_other_are_all_seen(ran, method):
+    times = [0.3, 0.3 + 1e-13, 0.3 + 1e-10, 0.3 + 1e-8, 0.3 + 1e-6]
+    text = f"""
+    run: {{stop: 1, step: 0.5, method: {method}}}
+    fleets: {{alarm: {len(times)}}}
+    blocks: {{b: {{own:Alarm, per: alarm, parameters: {{at: {times}}}}}}}
+    record: {{signals: [b.n, b.last]}}
+    """
+    got = ran(text)
+    assert got["b.n"][-1].tolist() == [1] * len(times)
+    assert got["b.last"][-1] == pytest.approx(times, abs=1e-12)
 
 
 def test_events_that_follow_each_other_closely_all_happen(ran):
