@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter, State, rule
 from cosim.blocks.kalman_steps import begin, correct, predict
-from cosim.blocks.matrices import add_product_transposed, cayley, double, invert, multiply, multiply_transposed
+from cosim.blocks.matrices import cayley, double
 
 
 def is_covariance(Q: NDArray) -> bool:
@@ -18,19 +18,6 @@ def is_definite(R: NDArray) -> bool:
     """Whether a matrix is symmetric, with positive eigenvalues alone."""
     r = np.atleast_2d(R)
     return bool(np.allclose(r, r.T) and np.linalg.eigvalsh(r)[0] > 0.0)
-
-
-def prepare(A: NDArray, B: NDArray, Q: NDArray, R: NDArray, work: NDArray, inputs: NDArray, across: NDArray) -> None:
-    """What a Riccati equation is of: work[4] = A, work[5] = B R^-1 B^T, work[6] = Q; inputs[1] = R^-1."""
-    for i in range(R.shape[0]):
-        for j in range(R.shape[0]):
-            inputs[0, i, j] = R[i, j]
-    invert(inputs[0], inputs[1])
-    multiply(B, inputs[1], across[0])
-    for i in range(A.shape[0]):
-        for j in range(A.shape[0]):
-            work[4, i, j], work[5, i, j], work[6, i, j] = A[i, j], 0.0, Q[i, j]
-    add_product_transposed(across[0], B, work[5])
 
 
 class Luenberger(Block):
@@ -131,19 +118,17 @@ class LQR(Block):
     Q = Parameter("n", "n", description="weights of the states")
     R = Parameter("m", "m", default=1.0, description="weights of the inputs")
     K = CalculatedParameter("m", "n", description="gain")
-    work = CalculatedParameter(7, "n", "n", description="work space; the last is X")
-    inputs = CalculatedParameter(2, "m", "m", description="work space")
-    across = CalculatedParameter(1, "n", "m", description="work space")
     u = Output("m?", description="inputs of the system")
 
     weights = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
     definite = rule("R is symmetric, with positive eigenvalues")(is_definite)
 
-    def calculate(A, B, Q, R, K, work, inputs, across):
-        prepare(A, B, Q, R, work, inputs, across)
-        cayley(work[4], work[5], work[6], work)
-        double(work[4], work[5], work[6], work)
-        multiply_transposed(across[0], work[6], K)
+    def calculate(A, B, Q, R, K):
+        inverse = np.linalg.inv(R)
+        a, g, h = A.copy(), B @ inverse @ B.T, Q.copy()
+        cayley(a, g, h)
+        double(a, g, h)
+        K[:] = inverse @ B.T @ h
 
     def outputs(x, x_ref, K, u):
         for i in range(u.size):
@@ -172,29 +157,15 @@ class DiscreteLQR(Block):
     Q = Parameter("n", "n", description="weights of the states")
     R = Parameter("m", "m", default=1.0, description="weights of the inputs")
     K = CalculatedParameter("m", "n", description="gain")
-    work = CalculatedParameter(7, "n", "n", description="work space; the last is X")
-    inputs = CalculatedParameter(2, "m", "m", description="work space")
-    across = CalculatedParameter(1, "n", "m", description="work space")
     u = Output("m?", description="inputs of the system")
 
     weights = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
     definite = rule("R is symmetric, with positive eigenvalues")(is_definite)
 
-    def calculate(A, B, Q, R, K, work, inputs, across):
-        prepare(A, B, Q, R, work, inputs, across)
-        double(work[4], work[5], work[6], work)
-        multiply(work[6], B, across[0])
-        multiply_transposed(B, across[0], inputs[0])
-        for i in range(R.shape[0]):
-            for j in range(R.shape[0]):
-                inputs[0, i, j] += R[i, j]
-        invert(inputs[0], inputs[1])
-        for i in range(K.shape[0]):
-            for j in range(K.shape[1]):
-                K[i, j] = 0.0
-                for k in range(K.shape[0]):
-                    for q in range(K.shape[1]):
-                        K[i, j] += inputs[1, i, k] * across[0, q, k] * A[q, j]
+    def calculate(A, B, Q, R, K):
+        a, g, h = A.copy(), B @ np.linalg.inv(R) @ B.T, Q.copy()
+        double(a, g, h)
+        K[:] = np.linalg.solve(R + B.T @ h @ B, B.T @ h @ A)
 
     def outputs(x, x_ref, K, u):
         for i in range(u.size):

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 def begin(x: NDArray, P: NDArray, x_hat: NDArray, P_hat: NDArray) -> None:
     """The prediction, before any measurement corrects it."""
-    for i in range(x.size):
-        x_hat[i] = x[i]
-        for j in range(x.size):
-            P_hat[i, j] = P[i, j]
+    x_hat[:] = x
+    P_hat[:] = P
 
 
 def correct(innovation: float, row: NDArray, variance: float, x_hat: NDArray, P_hat: NDArray, gain: NDArray) -> None:
@@ -46,10 +44,4 @@ def correct(innovation: float, row: NDArray, variance: float, x_hat: NDArray, P_
 
 def predict(F: NDArray, P_hat: NDArray, Q: NDArray, P: NDArray) -> None:
     """P = F P_hat F^T + Q."""
-    for i in range(P.shape[0]):
-        for j in range(P.shape[0]):
-            total = Q[i, j]
-            for k in range(P.shape[0]):
-                for q in range(P.shape[0]):
-                    total += F[i, k] * P_hat[k, q] * F[j, q]
-            P[i, j] = total
+    P[:] = F @ P_hat @ F.T + Q
