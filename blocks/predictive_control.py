@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim import Block, CalculatedParameter, Dimension, Input, Local, Output, Parameter, State, rule
+from cosim import Block, CalculatedParameter, Dimension, Input, Local, Output, Parameter, State, condition, rule
 from cosim.blocks.nonlinear import clamp
 
 POWER_STEPS = 100
@@ -59,7 +59,9 @@ class LinearMPC(Block):
         x_j+1 = A x_j + B u_j,   x_0 = x[k],   N the horizon
 
     Nesterov's method from the last plan, a fixed number of iterations: Richter, Jones and Morari, IEEE Transactions on
-    Automatic Control 57 (2012) 1391–1403. `residual` is how far the last iteration still moved the plan.
+    Automatic Control 57 (2012) 1391–1403. `residual` is how far the last iteration still moved the plan, and `error`
+    how far the plan may be from the best one: twice the length of the gradient mapping over the least curvature of the
+    cost, which is R's at least (Nesterov, Introductory Lectures on Convex Optimization, 2004, theorem 2.2.7).
     """
 
     horizon = Dimension(default=10, description="how many samples it looks ahead")
@@ -77,20 +79,32 @@ class LinearMPC(Block):
     first = CalculatedParameter(2, "horizon", "m", description="work space")
     path = CalculatedParameter(2, "horizon", "n", description="work space")
     steepest = CalculatedParameter(description="largest eigenvalue of the cost's second derivative")
+    weakest = CalculatedParameter(description="no more than R's smallest eigenvalue, by Gershgorin's circles")
     plan = State("horizon", "m", description="plan, shifted by a sample")
     ahead = Local("horizon", "m", description="work space: where the gradient is taken")
     gradient = Local("horizon", "m", description="work space")
     work = Local(2, "horizon", "n", description="work space")
     found = Output("horizon", "m", description="plan")
     residual = Output(description="largest change of the plan in the last iteration")
+    error = Output(
+        finite=False, description="bound of the distance from the best plan; infinite where R bounds nothing"
+    )
     u = Output("m?", description="inputs of the system")
 
     ordered = rule("lower < upper")(lambda lower, upper: bool(np.all(np.less(lower, upper))))
     positive = rule("iterations >= 1")(lambda iterations: iterations >= 1)
 
-    def calculate(A, B, Q, R, zero, first, path, steepest):
+    @condition("the plan is within a hundredth of its largest input")
+    def settled(error, found):
+        largest = max(-found.smallest, found.largest)
+        if error.largest == math.inf:
+            return None, "R has no eigenvalue that is known to be above zero"
+        return error.largest <= 0.01 * largest, f"{error.largest:.3g} of {largest:.3g}; take more iterations"
+
+    def calculate(A, B, Q, R, zero, first, path, steepest, weakest):
         for i in range(zero.size):
             zero[i] = 0.0
+        weakest[0] = max(0.0, np.min(2.0 * np.diag(R) - np.sum(np.abs(R), axis=1)))
         for k in range(first.shape[1]):
             for j in range(first.shape[2]):
                 first[0, k, j] = 1.0 + 0.1 * k + 0.37 * j
@@ -107,7 +121,25 @@ class LinearMPC(Block):
                     first[0, k, j] = first[1, k, j] / math.sqrt(largest)
 
     def outputs(
-        x, x_ref, A, B, Q, R, lower, upper, iterations, steepest, plan, ahead, gradient, work, found, residual, u
+        x,
+        x_ref,
+        A,
+        B,
+        Q,
+        R,
+        lower,
+        upper,
+        iterations,
+        steepest,
+        weakest,
+        plan,
+        ahead,
+        gradient,
+        work,
+        found,
+        residual,
+        error,
+        u,
     ):
         momentum = 1.0
         for k in range(plan.shape[0]):
@@ -127,6 +159,13 @@ class LinearMPC(Block):
                     ahead[k, j] = new + (momentum - 1.0) / grown * change
                     found[k, j] = new
             momentum = grown
+        slope(A, B, Q, R, x, x_ref, found, work, gradient)
+        total = 0.0
+        for k in range(plan.shape[0]):
+            for j in range(plan.shape[1]):
+                moved = clamp(found[k, j] - gradient[k, j] / steepest, lower[j], upper[j]) - found[k, j]
+                total += moved * moved
+        error[0] = steepest * math.sqrt(total) / weakest if weakest > 0.0 else math.inf
         for j in range(u.size):
             u[j] = found[0, j]
 

@@ -8,6 +8,7 @@ from scipy import linalg
 from scipy.optimize import lsq_linear
 
 from cosim.blocks.matrices import cayley, double
+from cosim.engine import run
 from tests.blocks.library_runs import run_diagram
 
 ROOT = Path(__file__).parents[2]
@@ -106,9 +107,8 @@ def test_covariances_are_checked():
         run_diagram(text + f"  b: {{block: LQR, parameters: {{{bad}}}, inputs: {{x: x.y}}}}\n", "b.u")
 
 
-@pytest.mark.parametrize("limit", [10.0, 0.4])
-def test_predictive_control_is_scipys_bounded_least_squares(limit):
-    """The cost as a sum of squares of one matrix: scipy.optimize.lsq_linear, an active-set method."""
+def predicted(limit, iterations):
+    """What LinearMPC finds, and the plan by the cost as a sum of squares of one matrix, of an active-set method."""
     a, b, horizon = linalg.expm(0.2 * A), 0.2 * B, 6
     reach = np.zeros((3 * horizon, 2 * horizon))
     for k in range(horizon):
@@ -123,13 +123,43 @@ def test_predictive_control_is_scipys_bounded_least_squares(limit):
         f"  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
         f"  b: {{block: LinearMPC, period: 0.2, dimensions: {{horizon: {horizon}}}, inputs: {{x: x.y}}, parameters:"
         f" {{A: {a.tolist()}, B: {b.tolist()}, Q: {Q.tolist()}, R: {R.tolist()}, lower: -{limit}, upper: {limit},"
-        " iterations: 2000}}\n"
+        f" iterations: {iterations}}}}}\n"
     )
-    found = run_diagram(text, "b.found", "b.residual", "b.u")
+    return run_diagram(text, "b.found", "b.residual", "b.error", "b.u"), expected
+
+
+@pytest.mark.parametrize("limit", [10.0, 0.4])
+def test_predictive_control_is_scipys_bounded_least_squares(limit):
+    found, expected = predicted(limit, 2000)
     np.testing.assert_allclose(found["b.found"][0].ravel(), expected, atol=1e-8)
     np.testing.assert_array_equal(found["b.u"][0], found["b.found"][0, 0])
     assert found["b.residual"][0] < 1e-9
     assert (abs(expected) > limit - 1e-6).any() == (limit < 1)
+
+
+@pytest.mark.parametrize("iterations", [1, 5, 20, 100, 1000])
+@pytest.mark.parametrize("limit", [10.0, 0.4])
+def test_a_plan_is_no_further_from_the_best_one_than_its_error_says(limit, iterations):
+    found, expected = predicted(limit, iterations)
+    distance = np.linalg.norm(found["b.found"][0].ravel() - expected)
+    assert distance <= found["b.error"][0] + 1e-8
+    assert iterations < 1000 or found["b.error"][0] < 1e-6
+
+
+@pytest.mark.parametrize(("iterations", "r", "warned"), [(100, 1e-3, True), (100, 1.0, False), (100, 0.0, False)])
+def test_a_plan_that_has_not_settled_is_told(tmp_path, iterations, r, warned):
+    """With little weight on inputs, 100 iterations give -59.7 where -100 is the best."""
+    path = tmp_path / "d.yaml"
+    q = "[[1000, 0], [0, 1]]" if r < 1.0 else "[[1, 0], [0, 1]]"
+    path.write_text(
+        "run: {stop: 1, step: 0.1}\nblocks:\n  b: {block: LinearMPC, period: 0.1, start: {x: [1, 0]}, parameters:"
+        f" {{A: [[1.2, 0.1], [0, 1.1]], B: [[0.005], [0.1]], Q: {q}, R: [[{r}]], lower: -100, upper: 100,"
+        f" iterations: {iterations}}}}}\n"
+    )
+    outcome = run.Run(run.load(path)).execute()
+    assert any("take more iterations" in w.message for w in outcome.warnings) == warned
+    open_ = [c for c in outcome.conditions if c.holds is None]
+    assert len(open_) == (r == 0.0)
 
 
 PENDULUM = '''
