@@ -10,37 +10,11 @@ from scipy.integrate import solve_ivp
 
 from cosim.engine import run
 from cosim.errors import BlockFailed, DeclarationError, DiagramErrors
-from cosim.results.result_file import open_result
+from tests.engine.bouncing_balls import BALL, BALLS, METHODS, bounces, recorded, wire
 
-BLOCKS = '''
-import math
-from cosim import Block, Indicator, Input, Output, Parameter, State
-
-
-class Ball(Block):
-    """d2h/dt2 = -g; at the ground v becomes -e v."""
-
-    g = Parameter(default=9.81)
-    e = Parameter(default=0.7)
-    h = State(output=True, start=1.0)
-    v = State(output=True)
-    n = State(output=True, start=0, dtype=int)
-    last = State(output=True, start=-1.0)
-    ground = Indicator(crossing="falling")
-
-    def derivatives(v, g, d_h, d_v):
-        d_h[0] = v
-        d_v[0] = -g
-
-    def indicators(h, ground):
-        ground[0] = h
-
-    def event(time, ground, v, e, n, next_v, next_n, next_last):
-        if ground < 0:
-            next_v[0] = -e * v
-            next_n[0] = n + 1
-            next_last[0] = time
-
+BLOCKS = (
+    BALL
+    + '''
 
 class Force(Block):
     A = Parameter(default=1.6)
@@ -161,49 +135,18 @@ class Sampled(Block):
     def outputs(u, y):
         y[0] = u
 '''
-METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
-BALLS = """
-run: {stop: 1.9, step: 0.01, integrator: heun}
-fleets: {ball: 3}
-blocks:
-  b: {own:Ball, per: ball, parameters: {e: [0.7, 0.8, 0.5]}, start: {h: [1, 0.5, 2]}}
-record: {signals: [b.h, b.n, b.last]}
-"""
+)
 
 
 @pytest.fixture
 def wired(tmp_path):
-    (tmp_path / "own.py").write_text(BLOCKS)
-
-    def wire(text, *settings):
-        path = tmp_path / "d.yaml"
-        path.write_text(text.replace("own:", "python: own.py:"))
-        return run.load(path, settings)
-
-    return wire
+    return lambda text, *settings: wire(tmp_path, BLOCKS, text, *settings)
 
 
 @pytest.fixture
 def ran(wired, tmp_path):
     """The recorded signals of a run, by name."""
-
-    def go(text, *settings, engine="native"):
-        output = tmp_path / f"{engine}.nc"
-        outcome = run.Run(wired(text, *settings), engine, output).execute()
-        assert outcome.status == "completed", outcome.error
-        with open_result(output) as result:
-            return {"time": result.times, **{name: result[name] for name in result.signals}}
-
-    return go
-
-
-def bounces(e, h, count=30):
-    """When a ball hits the ground that falls from a height."""
-    v = math.sqrt(2 * 9.81 * h)
-    times = [v / 9.81]
-    for k in range(1, count):
-        times.append(times[-1] + 2 * v * e**k / 9.81)
-    return times
+    return lambda text, *settings, engine="native": recorded(wired(text, *settings), tmp_path / f"{engine}.nc", engine)
 
 
 @pytest.mark.parametrize("engine", ["native", "python"])

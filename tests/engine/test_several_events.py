@@ -2,43 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from cosim.engine import run
-from cosim.results.result_file import open_result
+from tests.engine.bouncing_balls import BALL, BALLS, METHODS, bounces, recorded, wire
 
-METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
-BLOCKS = '''
-from cosim import Block, Indicator, Input, Output, Parameter, State
-
-
-class Ball(Block):
-    """d2h/dt2 = -g; at the ground v becomes -e v."""
-
-    g = Parameter(default=9.81)
-    e = Parameter(default=0.7)
-    h = State(output=True, start=1.0)
-    v = State(output=True)
-    n = State(output=True, start=0, dtype=int)
-    last = State(output=True, start=-1.0)
-    ground = Indicator(crossing="falling")
-
-    def derivatives(v, g, d_h, d_v):
-        d_h[0] = v
-        d_v[0] = -g
-
-    def indicators(h, ground):
-        ground[0] = h
-
-    def event(time, ground, v, e, n, next_v, next_n, next_last):
-        if ground < 0:
-            next_v[0] = -e * v
-            next_n[0] = n + 1
-            next_last[0] = time
-
+BLOCKS = (
+    BALL
+    + '''
 
 class Toggle(Block):
     """Its output goes along a line, and changes its sign at 1/3 s."""
@@ -83,38 +54,15 @@ class Sum(Block):
     def derivatives(u, d_x):
         d_x[0] = u
 '''
-BALLS = """
-run: {stop: 1.9, step: 0.01, integrator: heun}
-fleets: {ball: 3}
-blocks:
-  b: {own:Ball, per: ball, parameters: {e: [0.7, 0.8, 0.5]}, start: {h: [1, 0.5, 2]}}
-record: {signals: [b.h, b.n, b.last]}
-"""
+)
 
 
 @pytest.fixture
 def ran(tmp_path):
     """The recorded signals of a run, by name."""
-
-    def go(text, *settings, engine="native"):
-        (tmp_path / "own.py").write_text(BLOCKS)
-        path, output = tmp_path / "d.yaml", tmp_path / f"{engine}.nc"
-        path.write_text(text.replace("own:", "python: own.py:"))
-        outcome = run.Run(run.load(path, settings), engine, output).execute()
-        assert outcome.status == "completed", outcome.error
-        with open_result(output) as result:
-            return {"time": result.times, **{name: result[name] for name in result.signals}}
-
-    return go
-
-
-def bounces(e, h, count=30):
-    """When a ball hits the ground that falls from a height."""
-    v = math.sqrt(2 * 9.81 * h)
-    times = [v / 9.81]
-    for k in range(1, count):
-        times.append(times[-1] + 2 * v * e**k / 9.81)
-    return times
+    return lambda text, *settings, engine="native": recorded(
+        wire(tmp_path, BLOCKS, text, *settings), tmp_path / f"{engine}.nc", engine
+    )
 
 
 @pytest.mark.parametrize("method", METHODS)
