@@ -100,6 +100,8 @@ def _contents(network: Network) -> dict[Path, bytes]:
             found |= {path: hashlib.sha256(content).digest() for path, content in imported.items()}
         elif entry.kind == "fmu" and (digest := _digest(entry.path)):
             found[entry.path.absolute()] = digest
+        for data in entry.data_files:
+            found[data.path.absolute()] = bytes.fromhex(data.digest)
     return found
 
 

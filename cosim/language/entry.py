@@ -48,6 +48,12 @@ class BlockEntry:
     unfit: dict[str, Node] = field(default_factory=dict)
 
     @property
+    def data_files(self) -> list[FromFile]:
+        """The values that stand in files of their own."""
+        nodes = (*self.parameters.values(), *self.start.values(), *self.inputs.values())
+        return [node.value for node in nodes if isinstance(node.value, FromFile)]
+
+    @property
     def directory(self) -> Path:
         """The folder that the type's path is relative to: of the file that names it, or the current one."""
         return self.type.position.folder

@@ -132,6 +132,8 @@ def test_mistakes_of_a_mapping_name_the_path_of_its_keys(folder):
         cosim.diagram(listed).check()
     with pytest.raises(WrongType, match="takes a mapping"):
         cosim.load("lags.yaml").set([("run.stop", 1)])
+    with pytest.raises(WrongType, match="run: a key is text, not a value of type float"):
+        cosim.diagram({"run": {1.5: 2}})
     with pytest.raises(WrongType, match="a diagram is a mapping, not a value of type list"):
         cosim.diagram([1])
     loop = {}
@@ -226,6 +228,18 @@ def test_files_that_change_are_never_run_in_silence(folder):
     with pytest.raises(ChangedFile):
         late.run()
     assert cosim.load("lags.yaml").run().time == 2.0
+
+
+def test_a_table_that_changes_is_never_run_in_silence(folder):
+    np.save("T.npy", 2.0)
+    diagram = cosim.load("lags.yaml").set({"blocks.first.parameters.T": {"file": "T.npy"}})
+    before = diagram.run().metrics
+    np.save("T.npy", 3.0)
+    for attempt in (diagram.run, diagram.set({"run.stop": 1}).run, lambda: diagram.sweep([{"blocks.second.T": 1}])):
+        with pytest.raises(ChangedFile, match=r"`T\.npy` is not what it was"):
+            attempt()
+    np.save("T.npy", 2.0)
+    assert diagram.run().metrics == before
 
 
 def test_the_working_folder_may_change(folder, tmp_path_factory):

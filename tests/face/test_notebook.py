@@ -117,3 +117,10 @@ def test_import_is_light():
     path = {"PYTHONPATH": str(Path(cosim.__file__).parents[1])}
     done = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True, check=True, env=path)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(("kind", "made"), [("block", int), ("python", cosim.Block), ("fmu", cosim.Block)])
+def test_what_is_no_type_of_block_is_told(kind, made):
+    wrong = cosim.diagram({"run": {"stop": 1, "step": 1}, "blocks": {"g": {kind: made}}})
+    with pytest.raises(cosim.CosimError, match=f"the class {made.__qualname__} is no type of block behind `{kind}:`"):
+        wrong.run()
