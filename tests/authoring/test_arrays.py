@@ -98,6 +98,7 @@ CASES = {
     "truth values by name": "m = u > w; m[0] = True; y[:] = np.where(m, u, w) + np.sum(m)",
     "a table of the module": "y[:] = TABLE * k + SQUARE @ u",
     "copies": "e = u.copy(); e[0] = 7.0; y[:] = e + u + np.copy(w)",
+    "a part that is written": "e = u * 1.0; f = e[1:]; f[0] = 7.0; y[:] = e + u",
     "a view": "e = A[0]; f = A.T; y[:] = e + f[1] + f @ u",
     "either": "m = np.sum(u) if k > 100.0 else np.sum(w); s[0] = m",
 }
@@ -288,6 +289,12 @@ REFUSED = {
         "makes `f` another name for memory of `e`",
         "copy",
         9,
+    ),
+    "a part of what a loop makes": (
+        "y[:] = 0.0\n        for i in range(2):\n            e = u * i; f = e[1:]; f[0] = 7.0; y += e",
+        "makes `f` another name for memory of `e`",
+        "copy",
+        24,
     ),
     "a helper that writes inside": ("y[:] = u + filled(y, k)", r"calls filled\(\), which writes `x`", "its own", 20),
     "what numpy has more": ("y[:] = np.cumsum(u)", r"calls `np.cumsum\(\)`", "loop", 16),

@@ -54,6 +54,10 @@ class _Hidden(Base):
 
 class NoBlock:
     pass
+
+
+class NoBlockEither(NoBlock):
+    pass
 '''
 
 

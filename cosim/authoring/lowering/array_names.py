@@ -121,7 +121,7 @@ class ArrayNames:
         names, root = self._names, value.root
         if root in names.arguments or root not in {t.name for t in self._work.temporaries}:
             return True
-        return root in names.local and names.is_made_once(root, value)
+        return root in names.local and names.is_made_once(root)
 
     def _several(self, target: Any, value: Several, s: Any) -> None:
         items: list[Value] = []

@@ -70,7 +70,7 @@ class Names:
         if self.bound is not None:
             self.bound |= {name}
 
-    def is_made_once(self, name: str, node: Any) -> bool:
+    def is_made_once(self, name: str) -> bool:
         """Whether an array is bound to a name by one statement only, which no loop repeats."""
         return len(self.bindings.get(name, ())) == 1 and id(self.bindings[name][0]) not in self._in_loops
 
