@@ -49,6 +49,23 @@ def slope(
                 result[k, j] += 2.0 * R[j, i] * plan[k, i]
 
 
+def clamp_all(plan: NDArray, lower: NDArray, upper: NDArray, result: NDArray) -> None:
+    """A plan (horizon, m) with its inputs within their limits (m)."""
+    for k in range(plan.shape[0]):
+        for j in range(plan.shape[1]):
+            result[k, j] = clamp(plan[k, j], lower[j], upper[j])
+
+
+def mapped(plan: NDArray, gradient: NDArray, steepest: float, lower: NDArray, upper: NDArray) -> float:
+    """How far a plan (horizon, m) goes in a step down the cost's gradient: the length of the gradient mapping."""
+    total = 0.0
+    for k in range(plan.shape[0]):
+        for j in range(plan.shape[1]):
+            moved = clamp(plan[k, j] - gradient[k, j] / steepest, lower[j], upper[j]) - plan[k, j]
+            total += moved * moved
+    return math.sqrt(total)
+
+
 class LinearMPC(Block):
     """Model predictive control of a sampled linear system with limited inputs, by a fast gradient method; sampled.
 
@@ -142,11 +159,8 @@ class LinearMPC(Block):
         u,
     ):
         momentum = 1.0
-        for k in range(plan.shape[0]):
-            for j in range(plan.shape[1]):
-                found[k, j] = clamp(plan[k, j], lower[j], upper[j])
-                ahead[k, j] = found[k, j]
-        residual[0] = 0.0
+        clamp_all(plan, lower, upper, found)
+        clamp_all(plan, lower, upper, ahead)
         for _ in range(iterations):
             slope(A, B, Q, R, x, x_ref, ahead, work, gradient)
             grown = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
@@ -160,14 +174,9 @@ class LinearMPC(Block):
                     found[k, j] = new
             momentum = grown
         slope(A, B, Q, R, x, x_ref, found, work, gradient)
-        total = 0.0
-        for k in range(plan.shape[0]):
-            for j in range(plan.shape[1]):
-                moved = clamp(found[k, j] - gradient[k, j] / steepest, lower[j], upper[j]) - found[k, j]
-                total += moved * moved
-        error[0] = steepest * math.sqrt(total) / weakest if weakest > 0.0 else math.inf
-        for j in range(u.size):
-            u[j] = found[0, j]
+        moved = mapped(found, gradient, steepest, lower, upper)
+        error[0] = steepest * moved / weakest if weakest > 0.0 else math.inf
+        u[:] = found[0]
 
     def update(found, next_plan):
         last = found.shape[0] - 1

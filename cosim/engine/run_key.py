@@ -30,6 +30,7 @@ from cosim.language.diagram import Diagram, RunSettings
 from cosim.language.entry import BlockEntry
 from cosim.language.keys import INTEGRATION
 from cosim.language.source import Node
+from cosim.machine.content import content_digest
 from cosim.wiring import conditions
 from cosim.wiring.network import Component, Network
 
@@ -76,7 +77,7 @@ def code(network: Network, kernels: Kernels) -> dict[str, str]:
         module = kernels.modules.get(name)
         digest = hashlib.sha256((module.meaning if module else "python").encode())
         if foreign := component.declaration.foreign:
-            digest.update(_content(component.entry.path, component.entry.path.stat().st_mtime_ns))
+            digest.update(content_digest(component.entry.path))
             digest.update(foreign.library())  # which may be compiled from its sources
         elif not component.declaration.compiled:
             _feed(digest, [fingerprint(f.python, interpreted=True) for f in component.declaration.functions])
@@ -108,11 +109,6 @@ def own_files() -> bytes:
         if path.relative_to(root).parts[0] not in _NO_FIGURES:
             digest.update(path.read_bytes())
     return digest.digest()
-
-
-@cache
-def _content(path: Path, _modified: int) -> bytes:
-    return hashlib.sha256(path.read_bytes()).digest()
 
 
 def _feed(digest: Any, value: Any) -> None:

@@ -10,7 +10,6 @@ import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 from cosim.authoring.block import Block
@@ -19,6 +18,7 @@ from cosim.language import diagram as diagrams
 from cosim.language.overlay import Change
 from cosim.language.source import Node
 from cosim.machine import importing
+from cosim.machine.content import content_digest
 from cosim.wiring import block_files, library, resolution
 from cosim.wiring.network import Network
 
@@ -108,12 +108,6 @@ def _contents(network: Network) -> dict[Path, bytes]:
 def _digest(path: Path) -> bytes:
     """Of a file's content; nothing where there is none."""
     try:
-        about = path.stat()
-        return _content(path.absolute(), about.st_mtime_ns, about.st_ctime_ns, about.st_size, about.st_ino)
+        return content_digest(path)
     except OSError:
         return b""
-
-
-@lru_cache(maxsize=1024)
-def _content(path: Path, *_about: int) -> bytes:
-    return hashlib.sha256(path.read_bytes()).digest()

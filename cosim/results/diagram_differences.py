@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from cosim.errors import CosimError, Position
 from cosim.language import source
+from cosim.language.keys import TYPES
 
 ABSENT = "—"
 """What stands for a key that a diagram does not have."""
@@ -16,7 +17,6 @@ LONGEST = 32
 """Characters of a value: of longer ones, the beginning is shown."""
 LAST = ("metrics", "record", "inputs", "outputs", "title")
 """What changes no signal: it comes behind what does."""
-TYPES = ("block", "python", "fmu", "diagram")
 
 
 class FromDiagram(Protocol):
