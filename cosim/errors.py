@@ -261,6 +261,10 @@ class MetricError(CosimError):
     """A metric whose signal, reduction or time window does not make sense."""
 
 
+class FormulaError(CosimError):
+    """A formula of a requirement that cannot be read, or does not fit the signals it names."""
+
+
 class NoCertificate(CosimError):
     """A diagram whose accuracy nobody can tell, as a run with another step does not come to its end."""
 

@@ -21,6 +21,7 @@ FLOORS = (
     "compiling",
     "plot",
     "fmu",
+    "requirements",
     "wiring",
     "engine",
     "study",

@@ -16,6 +16,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Lock
 
 from cosim.authoring.declaration import Declaration
 from cosim.compiling.adapters import KernelSource, block_source, raw_source
@@ -40,11 +41,13 @@ class Module:
 
     def load(self) -> object_code.Library:
         """Load into this process; one copy for all users of the same code."""
-        if self.key not in _loaded:
-            _loaded[self.key] = object_code.Library(self.code)
-        return _loaded[self.key]
+        with _loading:
+            if self.key not in _loaded:
+                _loaded[self.key] = object_code.Library(self.code)
+            return _loaded[self.key]
 
 
+_loading = Lock()
 _loaded: dict[str, object_code.Library] = {}
 
 

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from cosim.errors import CosimError
+from cosim.requirements.verdict import Verdict
 from cosim.results import metrics as reductions
 from cosim.wiring.network import Finding, Signal
 
@@ -65,6 +66,7 @@ class Outcome:
     events: list[Event] = field(default_factory=list)
     warnings: list[CosimError] = field(default_factory=list)  # what FMUs make different, and conditions that failed
     conditions: list[Finding] = field(default_factory=list)  # those that are judged along a run
+    requirements: dict[str, Verdict] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     windows: dict[str, str] = field(default_factory=dict)
     accuracy: dict[str, Any] = field(default_factory=dict)  # of metrics, where somebody has asked for it
@@ -84,6 +86,17 @@ class Outcome:
         """The conditions as JSON has them."""
         return [asdict(finding) for finding in self.conditions]
 
+    @property
+    def margins(self) -> list[dict[str, Any]]:
+        """The verdicts on requirements as JSON has them."""
+        return [verdict.as_json() for verdict in self.requirements.values()]
+
+    @property
+    def kept(self) -> bool | None:
+        """Whether all requirements are kept; None where that is undecided of one, and none is violated."""
+        found = [verdict.holds for verdict in self.requirements.values()]
+        return False if False in found else None if None in found else True
+
     def as_json(self) -> str:
         """One JSON object, as of `for_json`."""
         names = ["diagram", "status", "steps", "time", "method", "engine", "kernels_compiled", "seconds", "metrics"]
@@ -99,6 +112,8 @@ class Outcome:
             content["inner_steps"] = self.inner_steps
         if self.conditions:
             content["conditions"] = self.verdicts
+        if self.requirements:
+            content["requirements"] = self.margins
         if self.accuracy:
             content["accuracy"] = self.accuracy
         if self.swaps:

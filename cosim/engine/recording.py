@@ -100,7 +100,7 @@ def close(writer: ResultWriter, outcome: Outcome) -> None:
 
 def _close(writer: ResultWriter, outcome: Outcome) -> None:
     figures = outcome.metrics, outcome.steps, outcome.seconds, outcome.verdicts, outcome.inner_steps
-    writer.close(outcome.status, outcome.reason, *figures, end=outcome.time)
+    writer.close(outcome.status, outcome.reason, *figures, end=outcome.time, requirements=outcome.margins)
 
 
 def _described(network: Network, signal: Signal) -> Recorded:

@@ -11,22 +11,25 @@ from cosim.authoring.variables import Local, Output
 from cosim.engine.courses import Courses
 from cosim.engine.outcome import Event
 from cosim.engine.probes import Samples
-from cosim.errors import CosimError, MetricError
+from cosim.errors import CosimError, FormulaError, MetricError
+from cosim.language.requirement import told
+from cosim.requirements.verdict import Verdict, verdict
 from cosim.results import metrics
 from cosim.results.metrics import Events, Final, Reduction
-from cosim.wiring import conditions, windows
+from cosim.wiring import conditions, required, windows
 from cosim.wiring.network import Finding, Network, Signal
 
 
 class Reductions:
     """The figures of one run. metrics: signal and reduction, by name; warnings: of windows that the run does not reach.
 
-    Raises: DiagramErrors with every MetricError.
+    native: whether compiled code does what is dear. Raises: DiagramErrors with every MetricError and FormulaError.
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, native: bool = True) -> None:
         self.network = network
         self.metrics, self.warnings = windows.reduced(network)
+        self.monitors = required.monitors(network, native)
         self._events = _events(network)
         self._courses = _courses(network)
 
@@ -34,7 +37,8 @@ class Reductions:
     def signals(self) -> tuple[Signal, ...]:
         """What has to be seen at every step."""
         reduced = [s for s, r in (*self.metrics.values(), *self._events.values()) if not self._at_end(r)]
-        return tuple(dict.fromkeys([*reduced, *self._courses]))
+        watched = [signal for monitor in self.monitors.values() for signal in monitor.keys]
+        return tuple(dict.fromkeys([*reduced, *watched, *self._courses]))
 
     def _at_end(self, reduction: Reduction) -> bool:
         """Whether a reduction looks at the signal's last value alone."""
@@ -63,6 +67,11 @@ class Reductions:
                 reduction.update(samples.times, samples.values[signal])
         for signal, courses in self._courses.items():
             courses.update(samples.times, samples.values[signal])
+        for name, monitor in self.monitors.items():
+            try:
+                monitor.update(samples.times, {key: samples.values[key] for key in monitor.keys})
+            except FormulaError as error:
+                raise told(name, error) from None
 
     def state(self) -> dict[str, Any]:
         """What all have made of the run so far: arrays, to the bit."""
@@ -70,6 +79,7 @@ class Reductions:
             "metrics": {name: reduction.state() for name, (_, reduction) in self.metrics.items()},
             "events": {str(signal): reduction.state() for signal, reduction in self._events.values()},
             "courses": {str(signal): courses.state() for signal, courses in self._courses.items()},
+            "requirements": {name: monitor.state() for name, monitor in self.monitors.items()},
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -80,6 +90,8 @@ class Reductions:
             reduction.restore(state["events"][str(signal)])
         for signal, courses in self._courses.items():
             courses.restore(state["courses"][str(signal)])
+        for name, monitor in self.monitors.items():
+            monitor.restore(state["requirements"][name])
 
     def values(self, time: float, value: Callable[[Signal], np.ndarray]) -> tuple[dict[str, Any], CosimError | None]:
         """The metrics' values, and why one of them has none where that is a mistake."""
@@ -101,6 +113,19 @@ class Reductions:
             for signal, reduction in self._events.values()
             if (times := reduction.value())
         ]
+
+    def verdicts(self, ended: bool) -> dict[str, Verdict]:
+        """By how much each requirement is kept; ended: whether the run has come to its end."""
+        texts = self.network.diagram.requirements
+        return {name: verdict(name, texts[name].text, m.robustness(ended)) for name, m in self.monitors.items()}
+
+    def ending(self) -> Verdict | None:
+        """A violated requirement that ends the run."""
+        for name, monitor in self.monitors.items():
+            entry = self.network.diagram.requirements[name]
+            if entry.ends and (found := monitor.robustness(False)).holds is False:
+                return verdict(name, entry.text, found)
+        return None
 
     def conditions(self) -> list[Finding]:
         """The conditions along the run so far; none if it has seen nothing."""

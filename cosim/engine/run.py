@@ -13,7 +13,7 @@ from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program, recording, stability, step_counts
 from cosim.engine.checkpoints import MARK, Checkpoints
 from cosim.engine.outcome import Outcome
-from cosim.engine.probes import Probes
+from cosim.engine.probes import MOST_SAMPLES, Probes
 from cosim.engine.program import Program
 from cosim.engine.recording import Kept
 from cosim.engine.reductions import Reductions
@@ -30,11 +30,14 @@ from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
+from cosim.requirements.verdict import Verdict
 from cosim.results.result_writer import ResultWriter
 from cosim.wiring import conditions, resolution
 from cosim.wiring.network import Finding, Network
 
 FLUSH_SECONDS = 1.0
+SAMPLES_BEFORE_END = 100
+"""How many samples may come before a violation is seen that ends the run."""
 ENGINES = ("native", "python")
 
 
@@ -82,15 +85,15 @@ class Run:
         self.output = output
         self.attributes = dict(attributes or {})
         self.checkpoints = Checkpoints(output, checkpoint, resume) if checkpoint is not None or resume else None
-        settings = network.diagram.run
-        self.reductions = Reductions(network)
-        self._program = prepared[0] if prepared else program.build(network, settings.method)
+        self.reductions = Reductions(network, native=engine == "native")
+        self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
         self._kernels = prepared[1] if prepared else None
         self.looks = prepared is None  # whether equal steps are stable: of many runs nobody asks
         self.unstable: list[CosimError] = []
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
-        self.samples = Kept(network, self._probes()[1]) if kept else None
+        self.samples = Kept(network, _probes(self.network, self.reductions)[1]) if kept else None
         self._executed = False
+        self._violated: Verdict | None = None
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
     @cached_property
@@ -105,16 +108,12 @@ class Run:
         if self.engine == "native":
             kernels.load()
         compiled = clock.perf_counter()
-        made = Simulation(self._program, kernels if self.engine == "native" else None, self._probes())
+        made = Simulation(
+            self._program, kernels if self.engine == "native" else None, _probes(self.network, self.reductions)
+        )
         self.seconds["compile"] = compiled - began
         self.seconds["setup"] += clock.perf_counter() - compiled
         return made
-
-    def _probes(self) -> list[Probes]:
-        """What is reduced is seen at every step, what is recorded at the recording's period."""
-        record, grid = self.network.diagram.record, self.network.schedule.grid
-        every = grid * round(record.period / self.network.diagram.run.step) if record else grid
-        return [Probes(self.reductions.signals, grid), Probes(self.network.recorded, every)]
 
     def execute(self, watch: Callable[[float], None] = lambda time: None) -> Outcome:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
@@ -161,7 +160,7 @@ class Run:
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
-        outcome.termination = self.simulation.termination
+        outcome.termination = _end_of(self._violated) or self.simulation.termination
         outcome.warnings += self.simulation.warnings()
         outcome.signal = interrupted.number or outcome.signal
         if writer:
@@ -199,6 +198,9 @@ class Run:
                     self.checkpoints.follow(self.simulation, self.reductions, writer, interrupted.wanted)
                 aside += clock.perf_counter() - resumed
                 interrupted.raise_if_wanted()
+                self._violated = self.reductions.ending()
+                if self._violated:
+                    break
             self.simulation.close()
         except BaseException:
             with suppress(CosimError):  # what comes after a failure is no news
@@ -246,11 +248,28 @@ class Run:
             signal=signal,
             warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse],
             conditions=judged,
+            requirements=self.reductions.verdicts(status == "completed" and not self._violated),
             units=self.reductions.units,
             windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
             stepping=step_counts.stepping(self._program, self.simulation.control),
         )
+
+
+def _probes(network: Network, reductions: Reductions) -> list[Probes]:
+    """What is reduced is seen at every step, what is recorded at the recording's period."""
+    record, grid = network.diagram.record, network.schedule.grid
+    every = grid * round(record.period / network.diagram.run.step) if record else grid
+    ends = any(requirement.ends for requirement in network.diagram.requirements.values())
+    most = SAMPLES_BEFORE_END if ends else MOST_SAMPLES
+    return [Probes(reductions.signals, grid, most), Probes(network.recorded, every)]
+
+
+def _end_of(violated: Verdict | None) -> CosimError | None:
+    """Why a violated requirement ended the run."""
+    if violated is None:
+        return None
+    return CosimError(f"ended as {violated.name} is violated: {violated.formula}, at {violated.place}")
 
 
 def _judged(network: Network, reductions: Reductions) -> tuple[list[Finding], list[CosimError], int]:

@@ -19,6 +19,7 @@ from cosim.face import run_tables
 from cosim.face.datasets import dataset_of_signals
 from cosim.face.pictures import Picture
 from cosim.machine import files
+from cosim.requirements.verdict import Verdict
 from cosim.wiring.network import Finding
 
 if TYPE_CHECKING:
@@ -83,6 +84,11 @@ class FinishedRun:
     def conditions(self) -> list[Finding]:
         """The conditions that are judged along a run, with their numbers."""
         return self.outcome.conditions
+
+    @property
+    def requirements(self) -> dict[str, Verdict]:
+        """How the run keeps each requirement, by name: `holds`, `margin`, `unit`, `time`, `where`."""
+        return self.outcome.requirements
 
     @property
     def time(self) -> float:

@@ -12,11 +12,15 @@ from cosim.errors import CosimError
 from cosim.language.diagram import Diagram
 from cosim.results.formatting import format_value
 
+REQUIREMENT_HEAD = ("requirement", "", "margin", "unit", "smallest at")
+
 
 def text_of(outcome: Outcome) -> str:
     """How a run ended, with a line for each metric."""
     rows = _rows(outcome)
     lines = aligned(["metric", "value", "unit", "reduction"], rows) if rows else []
+    if outcome.requirements:
+        lines += [*([""] if lines else []), *aligned(REQUIREMENT_HEAD, _judged(outcome), (2,))]
     return "\n".join([*lines, *([""] if lines else []), *_words(outcome)])
 
 
@@ -24,7 +28,8 @@ def html_of(outcome: Outcome) -> str:
     """The same for a notebook."""
     rows = _rows(outcome)
     said = "".join(f"<p>{escape(line)}</p>" for line in _words(outcome))
-    return (html_table(["metric", "value", "unit", "reduction"], rows, {1}) if rows else "") + said
+    judged = html_table(REQUIREMENT_HEAD, _judged(outcome), {2}) if outcome.requirements else ""
+    return (html_table(["metric", "value", "unit", "reduction"], rows, {1}) if rows else "") + judged + said
 
 
 def aligned(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = (1,)) -> list[str]:
@@ -73,6 +78,10 @@ def _rows(outcome: Outcome) -> list[list[str]]:
         ]
         for name, value in outcome.metrics.items()
     ]
+
+
+def _judged(outcome: Outcome) -> list[list[str]]:
+    return [[v.name, v.word, v.margin_text, v.unit, v.place] for v in outcome.requirements.values()]
 
 
 def _words(outcome: Outcome) -> list[str]:

@@ -39,6 +39,7 @@ from cosim.language.keys import (
 )
 from cosim.language.overlay import Change, apply_settings, apply_swaps, layered, read_layers
 from cosim.language.reader import Reader, multiple
+from cosim.language.requirement import RequirementEntry, read_requirements
 from cosim.language.source import Node, describe
 from cosim.language.swaps import Swap
 
@@ -130,6 +131,13 @@ class Diagram:
     swaps: list[Swap]
     extended: list[Path] = field(default_factory=list)
     animation: dict[str, Node] = field(default_factory=dict)
+    requirements: dict[str, RequirementEntry] = field(default_factory=dict)
+
+    @property
+    def figures(self) -> dict[str, str]:
+        """How each figure of a run is made: metrics by their reduction, and the margins of requirements."""
+        metrics = {name: metric.reduce for name, metric in self.metrics.items()}
+        return {**metrics, **dict.fromkeys(self.requirements, "margin")}
 
     def resolved(self) -> str:
         """YAML text of the whole diagram: written to a file in the same folder, it loads to the same diagram."""
@@ -139,6 +147,7 @@ class Diagram:
             "fleets": self.fleets,
             "blocks": {name: entry.plain(self.path.parent) for name, entry in self.blocks.items()},
             "metrics": {name: metric.plain() for name, metric in self.metrics.items()},
+            "requirements": {name: entry.plain() for name, entry in self.requirements.items()},
             "inputs": {name: [node.value for node in nodes] for name, nodes in self.inputs.items()},
             "animation": {part: node.value for part, node in self.animation.items()},
             "outputs": {name: node.value for name, node in self.outputs.items()},
@@ -238,11 +247,7 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     sections = {key: node.value for key, node in tree.value.items()}
     run = _run(tree, reader)
     _check_integration(run, unfolded.blocks.values(), reader)
-    given = sections.get("fleets", {})
-    fleets = {name: node.value for name, node in read_named(DIAGRAM["fleets"], given, "fleets", reader).items()}
-    wrong = given.keys() - fleets.keys()
-    mapped = [entry for entry in unfolded.blocks.values() if "per" in entry.settings]
-    unfolded.unread |= {entry.name for entry in mapped if entry.settings["per"].value in wrong}
+    fleets = _fleets(sections.get("fleets", {}), unfolded, reader)
     titled = tree.value.get("title")
     title = read_value(DIAGRAM["title"], titled, "title", reader) if titled else source.title_of(path)
     record = _record(tree.value["record"], unfolded, run, reader) if "record" in tree.value else None
@@ -250,11 +255,35 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     known = {name: metric for name, metric in metrics.items() if metric}
     shown = read_section(ANIMATION, sections.get("animation", {}), "animation", reader)
     moving = {part: unfolded.rewired(node, problems) for part, node in shown.items() if node}
+    required = read_requirements(sections.get("requirements", {}), metrics.keys(), unfolded, reader)
     blocks, inputs, outputs, unread = unfolded.blocks, unfolded.inputs, unfolded.outputs, unfolded.unread
     swaps, name = unfolded.swaps, title or ""
     return Diagram(
-        name, path, files, run, fleets, blocks, record, known, inputs, outputs, unread, swaps, extended, moving
+        name,
+        path,
+        files,
+        run,
+        fleets,
+        blocks,
+        record,
+        known,
+        inputs,
+        outputs,
+        unread,
+        swaps,
+        extended,
+        moving,
+        required,
     )
+
+
+def _fleets(given: dict[str, Node], unfolded: Unfolded, reader: Reader) -> dict[str, int]:
+    """The size of each fleet; the blocks of one whose size is a mistake cannot be understood."""
+    fleets = {name: node.value for name, node in read_named(DIAGRAM["fleets"], given, "fleets", reader).items()}
+    wrong = given.keys() - fleets.keys()
+    mapped = [entry for entry in unfolded.blocks.values() if "per" in entry.settings]
+    unfolded.unread |= {entry.name for entry in mapped if entry.settings["per"].value in wrong}
+    return fleets
 
 
 def _run(tree: Node, reader: Reader) -> RunSettings:

@@ -195,6 +195,7 @@ LOG = Type(_log, f"{' | '.join(LOGS)}, or a list of its categories")
 VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for x_1, x_2, x_3")
 ORDER = Type(_order, "list of blocks")
 DATA = Type(_data, "number, text, or lists of them; or {file: …}")
+FORMULA = Type(lambda reader, node, where, _: reader.text(node, where) or None, "formula, such as always(plant.x < 1)")
 NAMED = {ANY: Key("", ANYTHING)}
 
 # ---- the keys ----
@@ -268,6 +269,10 @@ METRIC: dict[str, Key] = {
     "from": Key("where its window begins", NUMBER, 0.0, unit="s"),
     "to": Key("where it ends; none: at the end", NUMBER, math.inf, unit="s"),
 }
+REQUIREMENT: dict[str, Key] = {
+    "formula": Key("in signal temporal logic", TEXT, example="always(plant.x < 1)"),
+    "stop": Key("violated: the run ends soon after it is violated", choice(("violated",))),
+}
 ANIMATION: dict[str, Key] = {
     "positions": Key("where bodies are: (bodies, at least 2)", SIGNAL, example="plant.x"),
     "references": Key("where they should be", SIGNAL),
@@ -284,6 +289,7 @@ DIAGRAM: dict[str, Key] = {
     "blocks": Key("the blocks, by name", below={ANY: Key("", below=BLOCK)}),
     "record": Key("what is written to the result file", below=RECORD),
     "metrics": Key("figures of the run, by name", below={ANY: Key("", below=METRIC)}),
+    "requirements": Key("what the run has to keep, by name", below={ANY: Key("", FORMULA, below=REQUIREMENT)}),
     "animation": Key("the signals that `cosim plot --animate` shows, by the part they play", below=ANIMATION),
     "inputs": Key("as a block of another diagram: the ports that each input drives", below=NAMED),
     "outputs": Key("as a block of another diagram: the port that each output shows", below=NAMED),

@@ -25,7 +25,7 @@ from cosim.report import words
 from cosim.results.result_file import open_result
 from cosim.results.software_versions import versions
 from cosim.results.text_table import TextTable
-from cosim.study import file_names, running, text_tables
+from cosim.study import file_names, kept, running, text_tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
 from cosim.study.executors import processors
@@ -115,6 +115,8 @@ def _section(results: Results, pictures: Pictures) -> str:
         parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
         parts.append(_list(words.differences(study, rows, results.reductions)))
     parts.append(_list([*words.events(rows), *(f"{sentence}." for sentence in running.broken(rows))]))
+    if judged := kept.table(rows):
+        parts.append(_table(judged))
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
     parts += _pictures(results, rows, pictures)

@@ -10,12 +10,22 @@ import numpy as np
 
 from cosim.results.metrics import for_json, from_json
 
-JSON = ("settings", "versions", "seconds", "inner_steps", "metrics", "reductions", "conditions", "accuracy")
+JSON = (
+    "settings",
+    "versions",
+    "seconds",
+    "inner_steps",
+    "metrics",
+    "reductions",
+    "conditions",
+    "accuracy",
+    "requirements",
+)
 #: What is known at the end only, with bytes set aside for it: what fits is written in place, so that at no instant is
 #: there a file whose header points to what is not yet on disk.
 LAST = {
     **{"message": 512, "metrics": 2048, "seconds": 128},
-    **{"inner_steps": 512, "conditions": 2048, "accuracy": 2048, "status": 16},
+    **{"inner_steps": 512, "conditions": 2048, "accuracy": 2048, "requirements": 2048, "status": 16},
 }
 NUMBERS: dict[str, int | float] = {"steps": 0, "end": 0.0}
 """What is known at the end only and is a number, with what stands there before."""

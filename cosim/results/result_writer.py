@@ -131,12 +131,13 @@ class ResultWriter:
         conditions: Sequence[Mapping[str, Any]] = (),
         inner_steps: Mapping[str, Any] | None = None,
         end: float = 0.0,
+        requirements: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Flush, note how the run ended, and close.
 
         status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
-        conditions: those that were judged along the run, with the fields of a `network.Finding`. inner_steps: of what
-        was integrated within a tolerance. end: the simulated time that was reached (s).
+        conditions: of those judged along the run, the fields of a `network.Finding`; requirements: of a `Verdict`.
+        inner_steps: of what was integrated within a tolerance. end: the simulated time that was reached (s).
         """
         problem = None
         try:
@@ -145,14 +146,14 @@ class ResultWriter:
             problem, status, message = error, "failed", error.message
         last: dict[str, Any] = {"status": status, "message": message, "steps": steps, "end": end}
         last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
-        last |= {"inner_steps": inner_steps or {}, "accuracy": {}}
+        last |= {"inner_steps": inner_steps or {}, "accuracy": {}, "requirements": list(requirements)}
         try:
             with as_result_error("write", self.path):
                 disk_space.reserve_bytes(self._file, attributes.size_of(last))
         except ResultError as full:  # the rows are worth more than the figures, which can be made of them
             said = f"{message[:200]} (its figures found no space)".strip()
             problem = problem or full
-            last |= {"status": "failed", "message": said, "metrics": {}, "conditions": []}
+            last |= {"status": "failed", "message": said, "metrics": {}, "conditions": [], "requirements": []}
         with as_result_error("write", self.path):
             attributes.write_last(self._file, last)
             self._file.flush()

@@ -113,7 +113,7 @@ def _titles(study: Study, problems: Problems) -> None:
 
 def check_against(study: Study, bases: Mapping[str, Network], problems: Problems) -> None:
     """Report what the variants' diagrams, each as it is without grid and draws, do not have."""
-    metrics = dict.fromkeys(name for network in bases.values() for name in network.diagram.metrics)
+    metrics = dict.fromkeys(name for network in bases.values() for name in network.diagram.figures)
     _metric_names(study, bases, problems)
     for where, node, known in _named_metrics(study, bases, list(metrics)):
         if str(node.value) not in known:
@@ -130,10 +130,18 @@ def check_against(study: Study, bases: Mapping[str, Network], problems: Problems
 def _metric_names(study: Study, bases: Mapping[str, Network], problems: Problems) -> None:
     taken = (*OWN, *study.dimensions)
     for network in bases.values():
-        for name, metric in network.diagram.metrics.items():
+        for name, place in _places(network):
             if name in taken or not name.strip(" ./"):
-                message = f"in a study no metric can be called `{name}`, which its data set has already"
-                problems.add(MetricError(message, metric.position, "rename it"))
+                message = f"in a study no figure can be called `{name}`, which its data set has already"
+                problems.add(MetricError(message, place, "rename it"))
+
+
+def _places(network: Network) -> Iterator[tuple[str, Position]]:
+    """Each figure's name, and where it stands."""
+    for metric in network.diagram.metrics.values():
+        yield metric.name, metric.position
+    for requirement in network.diagram.requirements.values():
+        yield requirement.name, requirement.position
 
 
 def _named_metrics(
@@ -143,12 +151,12 @@ def _named_metrics(
     for table in study.tables:
         yield from ((f"`tables.{table.title}`", column.metric, known) for column in table.columns)
     if study.question:
-        yield "`explain`", study.question.metric, list(bases[study.question.baseline].diagram.metrics)
+        yield "`explain`", study.question.metric, list(bases[study.question.baseline].diagram.figures)
     for figure in study.figures:
         if figure.distribution:
             yield f"`figures.{figure.name}`", Node(figure.distribution.metric, figure.position), known
     for item in study.references:
-        own = list(bases[item.variant].diagram.metrics)
+        own = list(bases[item.variant].diagram.figures)
         yield f"`references.{item.origin}.{item.variant}`", item.metric, own
 
 

@@ -18,6 +18,7 @@ from cosim.study.definition import Study
 from cosim.study.dotted_paths import short_name
 from cosim.study.member_run import Row
 from cosim.study.running import Results
+from cosim.wiring import required
 
 Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 
@@ -169,6 +170,8 @@ def _units(results: Results) -> dict[str, str]:
             unit = network.variable(network.reduced[name]).unit
             if isinstance(unit, str) and metric.reduce != "events":
                 units.setdefault(name, unit)
+        for name, monitor in required.monitors(network).items():
+            units.setdefault(name, monitor.unit)
     return units
 
 

@@ -19,7 +19,16 @@ Layers = Callable[[Problems], tuple[Node, list[Path]]]
 """Gives the tree of a diagram with all its layers, and the files that it was read from."""
 METHODS = ("random", "latin-hypercube", "sobol")
 STATISTICS = ("max", "mean", "median", "min", "rms", "std")
-OVER_RUNS = {"max": "max", "min": "min", "mean": "mean", "rms": "rms", "final": "mean", "events": "max", "first": "min"}
+OVER_RUNS = {
+    "max": "max",
+    "min": "min",
+    "mean": "mean",
+    "rms": "rms",
+    "final": "mean",
+    "events": "max",
+    "first": "min",
+    "margin": "min",
+}
 """How a metric, by its reduction over a run, is reduced over several runs if nothing is said."""
 
 
@@ -189,6 +198,7 @@ class Study:
     random: Random | None = None
     metrics: tuple[Node, ...] | None = None
     added_metrics: Node | None = None
+    requirements: Node | None = None
     record: Node | None = None
     tables: tuple[TableLayout, ...] = ()
     references: tuple[Reference, ...] = ()

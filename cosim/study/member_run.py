@@ -55,6 +55,7 @@ def lost(reason: str) -> Row:
         "metrics": {},
         "events": {},
         "conditions": {},
+        "requirements": {},
     }
 
 
@@ -91,9 +92,10 @@ def _kept(outcome: Outcome) -> Row:
         "reason": outcome.reason,
         "steps": outcome.steps,
         "seconds": outcome.seconds["solve"],
-        "metrics": for_json(outcome.metrics),
+        "metrics": for_json({**outcome.metrics, **{v.name: v.margin for v in outcome.requirements.values()}}),
         "events": firsts,
         "conditions": _verdicts(outcome.conditions),
+        "requirements": {v.name: [v.holds, v.place] for v in outcome.requirements.values()},
     }
 
 

@@ -81,9 +81,9 @@ class Results:
 
     @property
     def reductions(self) -> dict[str, str]:
-        """How each metric reduces a run."""
+        """How each figure of a run is made, as of `Diagram.figures`."""
         bases = [self.variants.base(name) for name in reversed(self.study.variants)]
-        return {name: metric.reduce for base in bases for name, metric in base.diagram.metrics.items()}
+        return {name: made for base in bases for name, made in base.diagram.figures.items()}
 
     def files(self) -> dict[str, Path]:
         """The files with the signals of those members that have recorded them."""

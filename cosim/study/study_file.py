@@ -98,6 +98,7 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study.grid = grid_section.read(_entries(sections, "grid"), reader)
     study.random = random_section.read(sections["random"], reader) if "random" in sections else None
     study.metrics, study.added_metrics = _metrics(sections.get("metrics"), reader)
+    study.requirements = sections.get("requirements")
     study.record = _record(sections.get("record"), reader)
     study.tables = tables_section.read(_entries(sections, "tables"), study, reader)
     study.references = _references(_entries(sections, "references"), study, reader)

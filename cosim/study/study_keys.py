@@ -77,6 +77,7 @@ STUDY: dict[str, Key] = {
     "grid": Key("lists of values, by path; or by a name: {path, values}, or {variants}", below=NAMED),
     "random": Key("what is drawn at random", below=RANDOM),
     "metrics": Key("names of those to keep, or definitions of further ones", ANYTHING),
+    "requirements": DIAGRAM["requirements"],
     "record": Key("true, or what is recorded of each run", ANYTHING),
     "tables": Key("tables, by title", below={ANY: Key("", below=TABLE)}),
     "references": Key(

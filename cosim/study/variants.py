@@ -230,6 +230,8 @@ class Variants:
         study, place = self.study, tree.position
         if study.added_metrics:
             tree = overlay.merge(tree, Node({"metrics": study.added_metrics}, place))
+        if study.requirements:
+            tree = overlay.merge(tree, Node({"requirements": study.requirements}, place))
         entries = dict(tree.value)
         known = entries["metrics"].value if "metrics" in entries else {}
         if study.metrics is not None and isinstance(known, dict):  # of anything else the diagram's grammar tells

@@ -50,6 +50,9 @@ def print_network(network: Network) -> None:
     for torn, tasks in overview.loops.items():
         print_wrapped(f"an algebraic loop, solved for {torn}: {', '.join(tasks)}", 2)
     _print_conditions(overview)
+    if overview.requirements:
+        say("\nrequirements, which a run judges:")
+        print_rows([[name, formula] for name, formula in overview.requirements.items()], indent="  ")
     sys.stdout.flush()
     print_warnings(overview.warnings)
 

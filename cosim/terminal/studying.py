@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, ResultError
-from cosim.study import dataset, file_names, running, study_file, table_files, text_tables
+from cosim.study import dataset, file_names, kept, running, study_file, table_files, text_tables
 from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
-from cosim.terminal.exits import DONE, STOPPED
+from cosim.terminal.exits import DONE, STOPPED, VIOLATED
 
 REASONS_SHOWN = 5
 
@@ -37,7 +37,9 @@ def study(options: argparse.Namespace) -> int:
 
 def exit_code(results: Results) -> int:
     """0, also if some members failed, as that may be what the study is about; 1 if not one has come to its end."""
-    return DONE if running.summary(results)["counts"].get("completed") else STOPPED
+    if not running.summary(results)["counts"].get("completed"):
+        return STOPPED
+    return VIOLATED if kept.violated(results.rows()) else DONE
 
 
 def check_folders(paths: Sequence[Path]) -> None:
@@ -72,11 +74,14 @@ def _report(results: Results, as_json: bool) -> None:
     if as_json:
         content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.kept_in / "study.nc")}
         content |= {"members": results.total, "ran": results.ran, "seconds": round(results.seconds, 3), **summary}
+        content["requirements"] = kept.as_json(results.rows())
         content["tables"] = {t.title: [t.head, *t.rows] for t in text_tables.tables(results)}
         print(json.dumps(content, ensure_ascii=False))
         return
     for table in text_tables.tables(results):
         study_display.show(table)
+    if judged := kept.table(results.rows()):
+        study_display.show(judged, numbers=False)
     counts = ", ".join(f"{count} {status}" for status, count in summary["counts"].items())
     counts += "" if summary["failed"] else ", none failed"
     before = f", {results.reused} needed no run" if results.reused else ""
@@ -98,4 +103,6 @@ def _run_member(study: Any, name: str, folder: Path) -> int:
     screen.metrics_table(row["metrics"])
     print(f"\n{row['status']} after {row['steps']} steps ({time.perf_counter() - began:.3g} s) {row['reason']}")
     print(f"recorded in {running.member_file(folder, chosen)}")
-    return DONE if row["status"] == "completed" else STOPPED
+    if row["status"] != "completed":
+        return STOPPED
+    return VIOLATED if kept.violated([row]) else DONE

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from cosim.authoring.variables import Input
-from cosim.errors import UnknownPort
+from cosim.errors import CosimError, UnknownPort
 from cosim.language.reader import endpoint
+from cosim.language.requirement import RequirementEntry, told
 from cosim.language.source import Node
-from cosim.wiring import meaning, windows
+from cosim.wiring import meaning, required, windows
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Signal
 
@@ -24,6 +27,8 @@ def check(draft: Draft) -> None:
     reduced = {name: _known(draft, metric.signal) for name, metric in diagram.metrics.items()}
     draft.recorded = tuple(dict.fromkeys(signal for signal in recorded if signal))
     draft.reduced = {name: signal for name, signal in reduced.items() if signal}
+    for requirement in diagram.requirements.values():
+        _check_requirement(draft, requirement)
     if diagram.run.steps:
         draft.problems.attempt(windows.reduced, draft.network())
 
@@ -37,6 +42,17 @@ def _known(draft: Draft, node: Node) -> Signal | None:
     signal = draft.problems.attempt(network.find, str(node.value), node.position)
     known = signal is not None and component.signal_axes(network.variable(signal)) is not None
     return signal if known else None
+
+
+def _check_requirement(draft: Draft, requirement: RequirementEntry) -> None:
+    """What a formula names is there, and fits."""
+    nodes = [replace(node, value=str(node.value).partition("[")[0]) for node in requirement.signals.values()]
+    known = [_known(draft, node) for node in nodes]  # all of them: each has its report
+    if all(known):
+        try:
+            required.monitor(draft.network(), requirement, native=True)
+        except CosimError as error:
+            draft.problems.add(told(requirement.name, error))
 
 
 def _check_own_input(draft: Draft, node: Node) -> None:

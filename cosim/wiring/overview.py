@@ -58,7 +58,7 @@ class Overview:
     what they are, with their files; where there are any, order and conditions are not known. order: functions, as they
     are evaluated. turns: of blocks, under gauss-seidel. loops: of algebraic ones what is solved for, and what is
     evaluated to do so. findings: conditions judged; open: those that a run judges. warnings: also of conditions that
-    fail.
+    fail. requirements: their formulas, by name.
     """
 
     diagram: Diagram
@@ -72,6 +72,7 @@ class Overview:
     findings: tuple[Finding, ...]
     open: tuple[Open, ...]
     warnings: tuple[CosimError, ...]
+    requirements: dict[str, str]
 
 
 def describe(network: Network) -> Overview:
@@ -97,6 +98,7 @@ def describe(network: Network) -> Overview:
         findings=tuple(findings),
         open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
         warnings=(*warnings, *broken),
+        requirements={name: entry.text for name, entry in network.diagram.requirements.items()},
     )
 
 

@@ -17,7 +17,7 @@ from cosim.language.keys import ANY, BLOCK, DIAGRAM, METHODS, RUN, Key
 from cosim.study.study_keys import STUDY
 from cosim.terminal import cli
 
-MAPPINGS = tuple(f".{section}.{ANY}" for section in ("inputs", "parameters", "start"))
+MAPPINGS = tuple(f".{section}.{ANY}" for section in ("inputs", "parameters", "start", "requirements"))
 
 
 def all_keys(section, name=""):

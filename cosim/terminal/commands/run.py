@@ -17,9 +17,9 @@ from cosim.machine import files
 from cosim.results import csv_table, result_file
 from cosim.results.metrics import for_json
 from cosim.results.result_writer import previous_path
-from cosim.terminal import screen
+from cosim.terminal import requirement_display, screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
-from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED, UNCERTAIN
+from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED, UNCERTAIN, VIOLATED
 
 if TYPE_CHECKING:
     from cosim.accuracy.certificate import Certificate
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
         screen.print_errors(outcome.error)
     _write_csv(output, options)
     uncertain = options.error and (certificate is None or certificate.changing)
-    return _exit_code(outcome) or (UNCERTAIN if uncertain else DONE)
+    return _exit_code(outcome) or (UNCERTAIN if uncertain or outcome.kept is None else DONE)
 
 
 def _tell_end(ended: NothingToResume, output: Path, options: argparse.Namespace) -> int:
@@ -107,13 +107,18 @@ def _certifier(run: Run, options: argparse.Namespace) -> Callable[[Outcome], Cer
 def _exit_code(outcome: Outcome) -> int:
     if outcome.status == "interrupted":
         return BY_SIGNAL + (outcome.signal or signal.SIGINT)
-    return DONE if outcome.status == "completed" else STOPPED
+    if outcome.status != "completed":
+        return STOPPED
+    return VIOLATED if outcome.kept is False else DONE
 
 
 def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Certificate | None) -> None:
     errors = {name: accuracy.error for name, accuracy in certificate.metrics.items()} if certificate else None
     if outcome.metrics:
         screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows, errors=errors)
+    if outcome.requirements:
+        print()
+        requirement_display.show(outcome.requirements.values())
     if certificate:
         from cosim.terminal import accuracy_display
 

@@ -1,0 +1,60 @@
+"""The monitors that a diagram's requirements ask for, and what of their windows the run does not reach."""
+
+from __future__ import annotations
+
+from cosim.errors import CosimError, FormulaError, Position, Problems
+from cosim.language.formula_tree import horizon
+from cosim.language.requirement import RequirementEntry, told
+from cosim.requirements.monitor import Monitor
+from cosim.requirements.terms import Look, Scope, Seen
+from cosim.wiring.network import Network
+
+BEYOND = 1e-9  # of a time: as near as that, a window ends with the run
+
+
+def monitors(network: Network, native: bool = True) -> dict[str, Monitor]:
+    """A monitor for each requirement, by name; native: whether compiled code does what is dear.
+
+    Raises: DiagramErrors with every mistake, each with the requirement's name.
+    """
+    problems, found = Problems(), {}
+    for name, entry in network.diagram.requirements.items():
+        try:
+            found[name] = monitor(network, entry, native)
+        except CosimError as error:
+            problems.add(told(name, error))
+    problems.raise_if_any()
+    return found
+
+
+def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
+    """The monitor of one requirement. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit."""
+    made = Monitor(entry.condition, Scope(_look(network, entry), entry.begin), native)
+    run = network.diagram.run
+    needed, stop = horizon(entry.condition), run.stop
+    if needed > stop * (1.0 + BEYOND) and run.nodes["stop"].position.line:  # not shortened from outside
+        message = f"its windows need {needed:g} s, and the run lasts {stop:g} s"
+        raise FormulaError(message, entry.begin, "windows within the run, or a longer run")
+    return made
+
+
+def _look(network: Network, entry: RequirementEntry) -> Look:
+    """What finds the signals of a formula; of an output that takes a member, that member."""
+
+    def look(text: str, position: Position | None) -> Seen:
+        name, _, member = str(entry.signals[text].value).rstrip("]").partition("[")
+        signal = network.find(name, position)
+        if member and not member.isdigit():
+            message = f"`{text}` is {entry.signals[text].value}, several members"
+            raise FormulaError(message, position, "let the diagram's output show one member, or all")
+        axes, variable = network.axes(signal), network.variable(signal)
+        return Seen(
+            signal,
+            tuple(axis.size for axis in axes),
+            tuple(axis.fleet for axis in axes),
+            variable.dtype,
+            variable.unit,
+            (int(member),) if member else (),
+        )
+
+    return look
