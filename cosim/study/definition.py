@@ -133,6 +133,19 @@ class Random:
 
 
 @dataclass(frozen=True)
+class Search:
+    """Where violations are looked for. space: what is varied, as of one draw; runs: at most, for each requirement.
+
+    requirements: their names, None for all.
+    """
+
+    space: Random
+    requirements: tuple[Node, ...] | None
+    runs: int
+    node: Node
+
+
+@dataclass(frozen=True)
 class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
@@ -199,6 +212,7 @@ class Study:
     metrics: tuple[Node, ...] | None = None
     added_metrics: Node | None = None
     requirements: Node | None = None
+    search: Search | None = None
     record: Node | None = None
     tables: tuple[TableLayout, ...] = ()
     references: tuple[Reference, ...] = ()

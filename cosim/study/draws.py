@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import NoAcceptedDraw
+from cosim.errors import NoAcceptedDraw, Position
 from cosim.study.definition import Draw, Random
 from cosim.wiring import sizes
 
@@ -53,6 +53,21 @@ class Draws:
         """What the middle of all ranges sets; nobody asks whether it is accepted."""
         return self._settings(self._mapped(np.full(sum(self._sizes), 0.5)))
 
+    def at(self, point: np.ndarray) -> tuple[tuple[str, Any], ...] | None:
+        """What a point of the unit cube (size,) sets; None if that is not accepted."""
+        found = self._settings(self._mapped(point))
+        return found if self._accepts(found) else None
+
+    @property
+    def accept_place(self) -> Position | None:
+        """Where it is said what is accepted."""
+        return self._random.accept[0].node.place if self._random.accept else None
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are in a draw."""
+        return sum(self._sizes)
+
     def values(self) -> Iterator[tuple[Draw, np.ndarray]]:
         """Each random value with all its draws (count, *shape)."""
         self.settings(self.count - 1)
@@ -71,8 +86,7 @@ class Draws:
             if self._accepts(self._settings(row)):
                 return row
         message = f"none of {TRIALS} random points satisfies `random.accept`"
-        position = self._random.accept[0].node.place if self._random.accept else None
-        raise NoAcceptedDraw(message, position, "widen the bounds, or draw from a larger range")
+        raise NoAcceptedDraw(message, self.accept_place, "widen the bounds, or draw from a larger range")
 
     def _points(self, number: int) -> Iterator[np.ndarray]:
         """Endless points of the unit cube (size,)."""

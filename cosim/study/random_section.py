@@ -16,8 +16,8 @@ from cosim.study.study_keys import BOUNDS, RANDOM
 MOST_DEVIATIONS = 10  # that a normal draw may be away from its mean
 
 
-def read(node: Node, reader: Reader) -> Random | None:
-    """The draws; None where it says not how many, or of what."""
+def read(node: Node, reader: Reader, section: str = "random", drawn: str = "draws") -> Random | None:
+    """The draws; None where it says not how many, or of what. section, drawn: what they are called there."""
     entries = node.value
     for key in ("count", "draws"):
         if key not in entries:
@@ -27,9 +27,10 @@ def read(node: Node, reader: Reader) -> Random | None:
                 )
             )
             return None
-    seed = _seed(entries["seed"], reader) if "seed" in entries else 0
-    draws = [_draw(path, n, reader) for path, n in entries["draws"].value.items()]
-    accept = [_bounds(name, n, reader) for name, n in entries["accept"].value.items()] if "accept" in entries else []
+    seed = _seed(entries["seed"], f"{section}.seed", reader) if "seed" in entries else 0
+    draws = [_draw(path, n, reader, f"{section}.{drawn}.{path}") for path, n in entries["draws"].value.items()]
+    bounds = entries["accept"].value if "accept" in entries else {}
+    accept = [_bounds(signal, n, reader, f"{section}.accept.{signal}") for signal, n in bounds.items()]
     if not entries["draws"].value:
         reader.wrong(entries["draws"], "`random.draws` draws nothing", "write a path and its distribution")
     return Random(
@@ -43,18 +44,17 @@ def read(node: Node, reader: Reader) -> Random | None:
     )
 
 
-def _seed(node: Node, reader: Reader) -> int:
-    seed = reader.number(node, "random.seed", 0.0)
+def _seed(node: Node, where: str, reader: Reader) -> int:
+    seed = reader.number(node, where, 0.0)
     if not (0 <= seed < 2**53 and seed.is_integer()):
         fix = "such as 0, 1, 2"
-        message = f"`random.seed` must be a whole number from 0, not {describe(node)}"
+        message = f"`{where}` must be a whole number from 0, not {describe(node)}"
         reader.wrong(node, message, fix, WrongValue)
         return 0
     return int(seed)
 
 
-def _draw(path: str, node: Node, reader: Reader) -> Draw | None:
-    where = f"random.draws.{path}"
+def _draw(path: str, node: Node, reader: Reader, where: str) -> Draw | None:
     kind = next(iter(node.value)) if isinstance(node.value, dict) and len(node.value) == 1 else ""
     pair = node.value[kind].value if kind in ("uniform", "normal") else None
     if not isinstance(pair, list) or len(pair) != 2:
@@ -94,8 +94,7 @@ def _numbers(node: Node, where: str, reader: Reader) -> np.ndarray:
     return np.array(parts)
 
 
-def _bounds(signal: str, node: Node, reader: Reader) -> Bounds:
-    where = f"random.accept.{signal}"
+def _bounds(signal: str, node: Node, reader: Reader, where: str) -> Bounds:
     entries = grammar.conform(node, reader.problems, BOUNDS, where).value
     if not entries:
         reader.wrong(node, f"`{where}` has no bound", "write {least: 0.1} or {most: 1}", WrongValue)

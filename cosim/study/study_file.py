@@ -25,7 +25,7 @@ from cosim.language.keys import ADDS, NAMED, RECORD, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import figures
-from cosim.study import consistency, grid_section, random_section, tables_section
+from cosim.study import consistency, grid_section, random_section, search_section, tables_section
 from cosim.study.definition import Question, Reference, Study, Variant
 from cosim.study.study_keys import EXPLAIN, OVERLAY, STUDY
 
@@ -98,6 +98,7 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study.grid = grid_section.read(_entries(sections, "grid"), reader)
     study.random = random_section.read(sections["random"], reader) if "random" in sections else None
     study.metrics, study.added_metrics = _metrics(sections.get("metrics"), reader)
+    study.search = search_section.read(sections["search"], reader) if "search" in sections else None
     study.requirements = sections.get("requirements")
     study.record = _record(sections.get("record"), reader)
     study.tables = tables_section.read(_entries(sections, "tables"), study, reader)

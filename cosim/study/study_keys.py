@@ -47,6 +47,13 @@ RANDOM: dict[str, Key] = {
     "draws": Key("what is drawn, by path: {uniform: [least, most]} or {normal: [mean, deviation]}", below=NAMED),
     "accept": Key("bounds, by signal, that a draw has to keep at time zero: {least, most}", below=NAMED),
 }
+SEARCH: dict[str, Key] = {
+    "over": Key("what is varied, by path, as `random.draws`: {uniform: [least, most]}", below=NAMED),
+    "accept": RANDOM["accept"],
+    "requirements": Key("which requirements are to be violated; none: each of them", ANYTHING),
+    "runs": Key("how many runs at most for each", count(plan.MOST_MEMBERS), 2000),
+    "seed": RANDOM["seed"],
+}
 BOUNDS: dict[str, Key] = {
     "least": Key("the lower bound", NUMBER, float("-inf")),
     "most": Key("the upper bound", NUMBER, float("inf")),
@@ -76,6 +83,7 @@ STUDY: dict[str, Key] = {
     "variants": Key("changes of the diagram, by name", below={ANY: Key("", below=VARIANT)}),
     "grid": Key("lists of values, by path; or by a name: {path, values}, or {variants}", below=NAMED),
     "random": Key("what is drawn at random", below=RANDOM),
+    "search": Key("where `cosim falsify` looks for what violates a requirement", below=SEARCH),
     "metrics": Key("names of those to keep, or definitions of further ones", ANYTHING),
     "requirements": DIAGRAM["requirements"],
     "record": Key("true, or what is recorded of each run", ANYTHING),

@@ -108,8 +108,9 @@ class Variants:
         self._changes = {(axis.paths[0], change.name): change for axis in study.grid for change in axis.changes}
         self._crossed = {path for path, _ in self._changes}
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
-        random = {path: d.node.place for d in study.random.draws for path in d.paths} if study.random else {}
-        self.positions = {**grid, **random}
+        spaces = [study.random, *([study.search.space] if study.search else [])]
+        drawn = {path: d.node.place for space in spaces if space for d in space.draws for path in d.paths}
+        self.positions = {**grid, **drawn}
 
     def check(self) -> None:
         """Wire every variant, and its first grid point with typical draws; rules may be broken there.
@@ -207,6 +208,13 @@ class Variants:
                 problems.add(error)
         with importing.LOADING, library.offering(self.study.classes):
             return resolution.wire(diagram.build(tree, files, problems), problems)
+
+    def layers(self, variant: str) -> tuple[Node, list[Path]]:
+        """The tree of a variant with all its layers, and the files that it was read from. Raises: DiagramErrors."""
+        problems = Problems()
+        found = self._tree((self.study.variants[variant],), problems)
+        problems.raise_if_any()
+        return found
 
     def _tree(self, changes: tuple[Variant, ...], problems: Problems) -> tuple[Node, list[Path]]:
         """Layers of a variant and of those crossed with it; with the study's metrics, and the recording it asks for."""

@@ -19,12 +19,13 @@ def study_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", type=Path, nargs="+", help="a YAML study")
     parser.add_argument("--set", action="append", default=[], metavar="a.b=VALUE", help="change one value of the study")
     help_ = "threads (default: 0, one each processor)"
-    parser.add_argument("--threads", type=_threads, default=0, metavar="N", help=help_)
+    parser.add_argument("--threads", type=threads, default=0, metavar="N", help=help_)
     parser.add_argument("--dask", default="", metavar="ADDRESS", help="run on a Dask cluster")
     parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help="default: results/")
 
 
-def _threads(text: str) -> int:
+def threads(text: str) -> int:
+    """How many threads an option says."""
     if not (text.isdecimal() and int(text) <= MOST_THREADS):
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 0 to {MOST_THREADS}")
     return int(text)

@@ -1,0 +1,1 @@
+"""Searches over runs: for what violates a requirement, and for gains that are better."""

@@ -1,0 +1,120 @@
+"""Runs a diagram at points of a search, several at once; what has been run before is read from the store."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from functools import partial
+from multiprocessing.synchronize import Event as SharedEvent
+from pathlib import Path
+
+from cosim.errors import CosimError
+from cosim.results.metrics import from_json
+from cosim.study import executors, member_run
+from cosim.study.definition import Random, Study
+from cosim.study.member_run import Row
+from cosim.study.plan import Member
+from cosim.study.store import Store
+from cosim.study.variants import Prepared, Settings, Variants
+
+Submit = Callable[[Member, Prepared], "Future[Row]"]
+
+
+class Evaluator:
+    """The runs of one variant of a study over a space. threads: 0 for one each processor; settings: the study's --set.
+
+    watch: told how many runs are done. Raises: DiagramErrors, ResultError for a store that cannot be written.
+    """
+
+    def __init__(
+        self,
+        study: Study,
+        space: Random,
+        folder: Path,
+        threads: int = 0,
+        settings: Sequence[str] = (),
+        watch: Callable[[int], None] = lambda done: None,
+    ) -> None:
+        self.study = replace(study, random=space)
+        self.variant = next(iter(study.variants))
+        self.variants = Variants(self.study)
+        self.variants.check()
+        draws = self.variants.draws()
+        assert draws
+        self.draws = draws
+        self.done = self.ran = 0
+        self.count = threads or executors.processors()
+        self._origin = executors.StudyFile(str(study.path.resolve()), tuple(settings))
+        self._watch = watch
+        self._store = Store(folder / "runs.jsonl")
+        self._submit: Submit | None = None
+
+    @contextmanager
+    def at_work(self) -> Iterator[None]:
+        """Have workers; when it is broken off, runs that are under way end, and what is finished is kept."""
+        stop: threading.Event | SharedEvent
+        try:
+            with ExitStack() as stack:
+                if self.variants.shareable():
+                    stop = threading.Event()
+                    self._submit = partial(self._here, stack.enter_context(executors.threads(self.count)), stop)
+                else:  # the code of FMUs, which nobody vouches for
+                    stop = shared = executors.shared_event()
+                    made = executors.processes(self.count, shared)
+                    self._submit = partial(self._elsewhere, stack.enter_context(made))
+                try:
+                    yield
+                except BaseException:
+                    stop.set()
+                    raise
+        finally:
+            self._store.close()
+
+    def _here(self, executor: Executor, stop: threading.Event, chosen: Member, prepared: Prepared) -> Future[Row]:
+        def watch(_time: float) -> None:
+            if stop.is_set():
+                raise KeyboardInterrupt
+
+        return executor.submit(member_run.run, self.variants, chosen, None, watch, prepared)
+
+    def _elsewhere(self, executor: Executor, chosen: Member, prepared: Prepared) -> Future[Row]:
+        return executor.submit(executors.run_elsewhere, self._origin, chosen, None, prepared.key)
+
+    def rows(self, points: Sequence[Settings]) -> list[Row]:
+        """The row of each point, as a study has it. Raises: KeyboardInterrupt, ResultError."""
+        assert self._submit
+        keys: list[str | None] = []
+        futures: dict[str, Future[Row]] = {}
+        refused: dict[int, Row] = {}
+        for number, settings in enumerate(points):
+            chosen = Member(self.variant, settings=settings)
+            try:
+                prepared = self.variants.prepared(chosen)
+            except CosimError as error:
+                keys.append(None)
+                refused[number] = member_run.lost(error.message)
+                continue
+            keys.append(prepared.key)
+            if prepared.key not in self._store and prepared.key not in futures:
+                futures[prepared.key] = self._submit(chosen, prepared)
+        for key, future in futures.items():
+            self._keep(key, future)
+        self.done += len(points)
+        self._watch(self.done)
+        found = [refused[n] if key is None else self._store[key] for n, key in enumerate(keys)]
+        return [{**row, "metrics": from_json(row["metrics"])} for row in found]
+
+    def _keep(self, key: str, future: Future[Row]) -> None:
+        try:
+            row = future.result()
+        except CosimError:
+            raise
+        except Exception as error:  # noqa: BLE001  # a lost worker does not end the search
+            row = member_run.lost(f"{type(error).__name__}: {error}")
+        if row["status"] == "interrupted":
+            raise KeyboardInterrupt
+        self._store.append({"key": key, **row})
+        self.ran += 1
