@@ -26,6 +26,7 @@ FLOORS = (
     "engine",
     "study",
     "accuracy",
+    "search",
     "export",
     "report",
     "project",

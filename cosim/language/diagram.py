@@ -255,7 +255,9 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     known = {name: metric for name, metric in metrics.items() if metric}
     shown = read_section(ANIMATION, sections.get("animation", {}), "animation", reader)
     moving = {part: unfolded.rewired(node, problems) for part, node in shown.items() if node}
-    required = read_requirements(sections.get("requirements", {}), metrics.keys(), unfolded, reader)
+    required = read_requirements(
+        sections.get("requirements", {}), metrics.keys(), lambda n: unfolded.rewired(n, problems), reader
+    )
     blocks, inputs, outputs, unread = unfolded.blocks, unfolded.inputs, unfolded.outputs, unfolded.unread
     swaps, name = unfolded.swaps, title or ""
     return Diagram(

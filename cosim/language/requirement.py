@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Any
 
 from cosim.errors import CosimError, FormulaError, Position, WrongType, WrongValue
-from cosim.language.embedding import Unfolded
 from cosim.language.formula import parse, place
 from cosim.language.formula_tree import Condition, mentions
 from cosim.language.keys import ANY, DIAGRAM, read_value
@@ -46,17 +46,20 @@ class RequirementEntry:
 
 
 def read_requirements(
-    nodes: dict[str, Node], metrics: AbstractSet[str], unfolded: Unfolded, reader: Reader
+    nodes: dict[str, Node], metrics: AbstractSet[str], rewired: Callable[[Node], Node], reader: Reader
 ) -> dict[str, RequirementEntry]:
-    """The requirements of a diagram, but for those that cannot be read: each has its report. metrics: their names."""
+    """The requirements of a diagram, but for those that cannot be read: each has its report.
+
+    metrics: their names. rewired: gives what a source is, diagrams as blocks unfolded.
+    """
     for name in metrics & nodes.keys():
         message = f"`{name}` is a requirement and a metric: a study has one figure of each name"
         reader.wrong(nodes[name], message, "give one of them another name", WrongValue)
-    found = {name: _read(name, node, unfolded, reader) for name, node in nodes.items()}
+    found = {name: _read(name, node, rewired, reader) for name, node in nodes.items()}
     return {name: entry for name, entry in found.items() if entry}
 
 
-def _read(name: str, node: Node, unfolded: Unfolded, reader: Reader) -> RequirementEntry | None:
+def _read(name: str, node: Node, rewired: Callable[[Node], Node], reader: Reader) -> RequirementEntry | None:
     where, ends, formula = f"requirements.{name}", False, node
     if isinstance(node.value, dict):
         if "formula" not in node.value:
@@ -79,7 +82,7 @@ def _read(name: str, node: Node, unfolded: Unfolded, reader: Reader) -> Requirem
         if mention.signal not in signals:
             position = place(formula.position, mention.at) or formula.position
             said = Node(mention.signal, position)
-            signals[mention.signal] = unfolded.rewired(said, reader.problems)
+            signals[mention.signal] = rewired(said)
     return RequirementEntry(name, formula.value, condition, ends, signals, formula.position, node.place)
 
 

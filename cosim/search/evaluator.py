@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from multiprocessing.synchronize import Event as SharedEvent
@@ -20,7 +20,7 @@ from cosim.study.plan import Member
 from cosim.study.store import Store
 from cosim.study.variants import Prepared, Settings, Variants
 
-Submit = Callable[[Member, Prepared], "Future[Row]"]
+Submit = Callable[[Member, Prepared, str], "Future[Row]"]
 
 
 class Evaluator:
@@ -73,15 +73,17 @@ class Evaluator:
         finally:
             self._store.close()
 
-    def _here(self, executor: Executor, stop: threading.Event, chosen: Member, prepared: Prepared) -> Future[Row]:
+    def _here(
+        self, executor: Executor, stop: threading.Event, chosen: Member, prepared: Prepared, _key: str
+    ) -> Future[Row]:
         def watch(_time: float) -> None:
             if stop.is_set():
                 raise KeyboardInterrupt
 
         return executor.submit(member_run.run, self.variants, chosen, None, watch, prepared)
 
-    def _elsewhere(self, executor: Executor, chosen: Member, prepared: Prepared) -> Future[Row]:
-        return executor.submit(executors.run_elsewhere, self._origin, chosen, None, prepared.key)
+    def _elsewhere(self, executor: Executor, chosen: Member, _prepared: Prepared, key: str) -> Future[Row]:
+        return executor.submit(executors.run_elsewhere, self._origin, chosen, None, key)
 
     def rows(self, points: Sequence[Settings]) -> list[Row]:
         """The row of each point, as a study has it. Raises: KeyboardInterrupt, ResultError."""
@@ -97,11 +99,19 @@ class Evaluator:
                 keys.append(None)
                 refused[number] = member_run.lost(error.message)
                 continue
-            keys.append(prepared.key)
-            if prepared.key not in self._store and prepared.key not in futures:
-                futures[prepared.key] = self._submit(chosen, prepared)
-        for key, future in futures.items():
-            self._keep(key, future)
+            key = prepared.key
+            keys.append(key)
+            if key not in self._store and key not in futures:
+                futures[key] = self._submit(chosen, prepared, key)
+        try:
+            for key, future in futures.items():
+                self._keep(key, future)
+        except BaseException:
+            for key, future in futures.items():
+                if future.done() and key not in self._store:
+                    with suppress(CosimError, KeyboardInterrupt):
+                        self._keep(key, future)
+            raise
         self.done += len(points)
         self._watch(self.done)
         found = [refused[n] if key is None else self._store[key] for n, key in enumerate(keys)]

@@ -13,22 +13,27 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from cosim.errors import MissingPackage, NoAcceptedDraw
 from cosim.search.evaluator import Evaluator
-from cosim.search.objective import LARGE, Trial, trial
+from cosim.search.objective import Trial, trial
 from cosim.study.variants import Settings
 
 Point = tuple[float, ...]
+Place = tuple[Point, Settings]
 POPULATION = 16
 GENERATIONS = 60
 SPREAD = 0.08
 """Of CMA-ES at its begin, of the space's width."""
+LOOKED_AT = 32
+FIRST = 2
+"""How many points of the first look are begun from."""
 TRIES = 200
 """How many points are drawn for one that is accepted."""
 
@@ -70,11 +75,9 @@ class Falsification:
 
     def run(self) -> Findings:
         """Search. Raises: KeyboardInterrupt, which loses no run; ResultError, NoAcceptedDraw."""
-        looked = self._tried(list(self._first_points()))
-        begins = sorted(looked, key=lambda t: t.cost)[: max(2, len(looked) // 16)]
+        begins = sorted(self._tried(self._first_places()), key=lambda t: t.cost)[:FIRST]
         while not self._is_over():
-            if not begins:
-                begins = sorted(self._tried(self._random_points(2 * POPULATION)), key=lambda t: t.cost)[:1]
+            begins = begins or sorted(self._tried(self._random_places(LOOKED_AT)), key=lambda t: t.cost)[:1]
             if not begins:
                 raise NoAcceptedDraw("no point is accepted", self._evaluator.draws.accept_place, "widen `accept`")
             if not self._is_over():
@@ -85,39 +88,33 @@ class Falsification:
         late = time.monotonic() > self._deadline
         return late or self.findings.violation is not None or self.findings.trials >= self._runs
 
-    def _first_points(self) -> Iterator[Point]:
-        """The middle, corners, and a Sobol sequence; as many as a sixteenth of the runs, or a few dozen."""
+    def _first_places(self) -> list[Place]:
+        """The middle, corners, and a Sobol sequence, those of them that are accepted."""
         from scipy.stats import qmc
 
         size = self._evaluator.draws.size
-        count = max(2 * POPULATION, min(self._runs // 16, 16 * size))
-        yield (0.5,) * size
-        for _ in range(count // 4):
-            yield tuple(self._random.integers(0, 2, size).astype(float).tolist())
+        corners = self._random.integers(0, 2, (LOOKED_AT // 2, size))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a count that is no power of two
-            filled = qmc.Sobol(size, rng=self._random).random(TRIES * count // 8)
-        accepted = 0
-        for row in filled:
-            point = tuple(map(float, row))
-            if self._evaluator.draws.at(np.array(point)) is not None:
-                yield point
-                accepted += 1
-            if accepted >= count:
-                return
+            filled = qmc.Sobol(size, rng=self._random).random(LOOKED_AT * TRIES)
+        found = [self._place(point) for point in (np.full(size, 0.5), *corners)]
+        accepted = (place for point in filled if (place := self._place(point)))
+        return [*filter(None, found), *islice(accepted, LOOKED_AT)]
 
-    def _random_points(self, count: int) -> list[Point]:
+    def _random_places(self, count: int) -> list[Place]:
         """Points that are accepted, as many as can be found."""
-        return [
-            p for _ in range(count) if (p := self._accepted(lambda: self._random.random(self._evaluator.draws.size)))
-        ]
+        size = self._evaluator.draws.size
+        return [*filter(None, (self._accepted(lambda: self._random.random(size)) for _ in range(count)))]
 
-    def _accepted(self, draw: Callable[[], Any]) -> Point | None:
-        for _ in range(TRIES):
-            point = tuple(float(x) for x in draw())
-            if self._evaluator.draws.at(np.array(point)) is not None:
-                return point
-        return None
+    def _accepted(self, draw: Callable[[], Any]) -> Place | None:
+        """The first of some points that is accepted."""
+        return next(filter(None, (self._place(draw()) for _ in range(TRIES))), None)
+
+    def _place(self, point: Any) -> Place | None:
+        """A point with what it sets; None if that is not accepted."""
+        row = np.asarray(point, float)
+        settings = self._evaluator.draws.at(row)
+        return None if settings is None else (tuple(row.tolist()), settings)
 
     def _descend(self, begin: Point) -> None:
         """CMA-ES from a point, until it stands still."""
@@ -127,35 +124,26 @@ class Falsification:
             "maxiter": GENERATIONS,
             "seed": int(self._random.integers(1, 2**31)),
             "verbose": -9,
-            "tolfun": 0.0,
         }
         strategy = self._cma.CMAEvolutionStrategy(list(begin), SPREAD, options)
         while not strategy.stop() and not self._is_over():
-            points = [self._accepted(lambda: strategy.ask(1)[0]) for _ in range(POPULATION)]
-            good = [point for point in points if point is not None]
-            if len(good) < POPULATION // 2:
-                return  # nearly nothing is accepted there
-            trials = self._tried(good)
-            found = {t.point: t.cost for t in trials}
-            if len(found) < POPULATION // 2:
+            places = [*filter(None, (self._accepted(lambda: strategy.ask(1)[0]) for _ in range(POPULATION)))]
+            trials = self._tried(places)
+            if len(trials) < POPULATION // 2:  # nearly nothing is accepted there, or all runs are spent
                 return
-            strategy.tell([np.array(p) for p in found], [min(c, LARGE) for c in found.values()])
+            strategy.tell([np.array(t.point) for t in trials], [t.cost for t in trials])
 
-    def _tried(self, points: Sequence[Point]) -> list[Trial]:
-        """Run points that are accepted, as long as there are runs, in batches of a population."""
+    def _tried(self, places: Sequence[Place]) -> list[Trial]:
+        """Run points, as long as there are runs, in batches of a population."""
         tried: list[Trial] = []
-        accepted: list[tuple[Point, Settings]] = [
-            (point, settings) for point in points if (settings := self._evaluator.draws.at(np.array(point))) is not None
-        ]
-        for begin in range(0, len(accepted), POPULATION):
-            batch = accepted[begin : begin + POPULATION][: max(self._runs - self.findings.trials, 0)]
+        for begin in range(0, len(places), POPULATION):
+            batch = places[begin : begin + POPULATION][: max(self._runs - self.findings.trials, 0)]
             rows = self._evaluator.rows([settings for _, settings in batch])
             for (point, settings), row in zip(batch, rows, strict=True):
                 self.findings.trials += 1
-                new = trial(self.findings.trials, point, settings, row, self._requirement)
-                tried.append(new)
-                if self.findings.least is None or new.cost < self.findings.least.cost:
-                    self.findings.least = new
+                tried.append(trial(self.findings.trials, point, settings, row, self._requirement))
+                if self.findings.least is None or tried[-1].cost < self.findings.least.cost:
+                    self.findings.least = tried[-1]
             self._watch(self.findings)
             if self._is_over():
                 break
