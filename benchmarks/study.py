@@ -18,8 +18,8 @@ import time
 from pathlib import Path
 
 from cosim.engine.run import Run
+from cosim.machine.parallel import processors
 from cosim.study import running, study_file
-from cosim.study.executors import processors
 from cosim.study.plan import members
 from cosim.study.running import Options
 from cosim.study.variants import Variants

@@ -17,9 +17,8 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.program import Program
 from cosim.engine.run import ENGINES, Run
 from cosim.errors import CosimError, DiagramErrors
+from cosim.machine import parallel
 from cosim.machine.interruption import Interrupted
-from cosim.study import executors
-from cosim.study.variants import has_foreign
 from cosim.wiring.network import Network
 
 NetworkOf = Callable[[Sequence[str]], Network]
@@ -74,11 +73,11 @@ class RefinedRuns:
             with suppress(DiagramErrors) if refinement.lies_elsewhere else nullcontext():
                 runs[refinement] = self._run(refinement)
         self._total += self.network.diagram.run.stop * sum(refinement.cost for refinement in runs)
-        count = min(executors.processors(), len(runs))
-        if count <= 1 or self._is_python() or has_foreign(self.network):
+        count = min(parallel.processors(), len(runs))
+        if count <= 1 or self._is_python() or self.network.has_foreign:
             return {refinement: self._observation(refinement, run) for refinement, run in runs.items()}
         stop = threading.Event()
-        with executors.threads(count) as executor:
+        with parallel.threads(count) as executor:
             try:
                 futures = {r: executor.submit(self._observation, r, run, stop) for r, run in runs.items()}
                 return {refinement: future.result() for refinement, future in futures.items()}

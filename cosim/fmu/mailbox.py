@@ -9,7 +9,6 @@ Like `cosim.master.loop`, this is one source for both engines.
 
 from __future__ import annotations
 
-import os
 import platform
 import sys
 from typing import Any
@@ -19,6 +18,7 @@ import numpy as np
 from cosim.fmu import c_library
 from cosim.fmu.fields import LINK, PLAN
 from cosim.machine.memory import call, invoke, load, pause, reals_at, shared, store, words_at
+from cosim.machine.parallel import processors
 
 OK, WARNING = 0, 1
 
@@ -142,14 +142,10 @@ def new() -> np.ndarray:
     """A mailbox in shared memory (MAILBOX_WORDS,), ready to be posted to."""
     box = shared(8 * MAILBOX_WORDS).view(np.int64)
     number = _FUTEX.get(platform.machine(), 0) if sys.platform == "linux" else 0
-    box[SPINS] = box[CALLER_SPINS] = box[SERVER_SPINS] = _SPINNING if _processors() > 1 else 0
+    box[SPINS] = box[CALLER_SPINS] = box[SERVER_SPINS] = _SPINNING if processors() > 1 else 0
     box[YIELDS] = _YIELDING
     box[YIELD] = c_library.address("sched_yield")
     box[SLEEP] = c_library.address("syscall" if number else "usleep")
     box[WAKE_ARGUMENT] = number
     box[TIMEOUT : TIMEOUT + 2] = 0, int(_SLEEP_SECONDS * 1e9)
     return box
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -254,10 +255,9 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     metrics = {name: _metric(name, node, unfolded, reader) for name, node in sections.get("metrics", {}).items()}
     known = {name: metric for name, metric in metrics.items() if metric}
     shown = read_section(ANIMATION, sections.get("animation", {}), "animation", reader)
-    moving = {part: unfolded.rewired(node, problems) for part, node in shown.items() if node}
-    required = read_requirements(
-        sections.get("requirements", {}), metrics.keys(), lambda n: unfolded.rewired(n, problems), reader
-    )
+    rewired = partial(unfolded.rewired, problems=problems)
+    moving = {part: rewired(node) for part, node in shown.items() if node}
+    required = read_requirements(sections.get("requirements", {}), metrics.keys(), rewired, reader)
     blocks, inputs, outputs, unread = unfolded.blocks, unfolded.inputs, unfolded.outputs, unfolded.unread
     swaps, name = unfolded.swaps, title or ""
     return Diagram(

@@ -18,6 +18,7 @@ import numpy as np
 
 from cosim.errors import PlotError, ResultError
 from cosim.machine import files
+from cosim.machine.parallel import processors
 from cosim.plot import animation, distribution, player
 from cosim.plot import motion as motions
 from cosim.plot.figures import Figure
@@ -28,7 +29,6 @@ from cosim.results.text_table import TextTable
 from cosim.study import file_names, kept, running, text_tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
-from cosim.study.executors import processors
 from cosim.study.member_run import Row
 from cosim.study.running import Results
 

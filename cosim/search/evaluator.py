@@ -12,6 +12,7 @@ from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
 
 from cosim.errors import CosimError
+from cosim.machine import parallel
 from cosim.results.metrics import from_json
 from cosim.study import executors, member_run
 from cosim.study.definition import Random, Study
@@ -46,7 +47,7 @@ class Evaluator:
         assert draws
         self.draws = draws
         self.done = self.ran = 0
-        self.count = threads or executors.processors()
+        self.count = threads or parallel.processors()
         self._origin = executors.StudyFile(str(study.path.resolve()), tuple(settings))
         self._watch = watch
         self._store = Store(folder / "runs.jsonl")
@@ -60,7 +61,7 @@ class Evaluator:
             with ExitStack() as stack:
                 if self.variants.shareable():
                     stop = threading.Event()
-                    self._submit = partial(self._here, stack.enter_context(executors.threads(self.count)), stop)
+                    self._submit = partial(self._here, stack.enter_context(parallel.threads(self.count)), stop)
                 else:  # the code of FMUs, which nobody vouches for
                     stop = shared = executors.shared_event()
                     made = executors.processes(self.count, shared)

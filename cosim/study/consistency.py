@@ -10,7 +10,7 @@ from cosim.errors import MetricError, PlotError, Position, Problems, TooLarge, U
 from cosim.language.source import Node
 from cosim.plot.figures import Figure
 from cosim.study import file_names, plan
-from cosim.study.definition import Study
+from cosim.study.definition import MOST_MEMBERS, Study
 from cosim.wiring.network import Network
 
 OWN = ("variant", "draw", "status", "reason", "steps", "seconds", "conditions")
@@ -46,11 +46,11 @@ def _variants(variants: Mapping[str, Node], problems: Problems) -> None:
 
 def _size(study: Study, problems: Problems) -> None:
     count = plan.size(study)
-    if count > plan.MOST_MEMBERS:
+    if count > MOST_MEMBERS:
         draws = study.random.draws if study.random else ()
         nodes = [*(axis.node for axis in study.grid), *(draw.node for draw in draws)]
         message = f"the study has {count} members: variants, grid and draws are multiplied"
-        fix = f"at most {plan.MOST_MEMBERS}; take fewer values, or random draws in place of a grid"
+        fix = f"at most {MOST_MEMBERS}; take fewer values, or random draws in place of a grid"
         problems.add(TooLarge(message, nodes[0].place if nodes else None, fix))
 
 

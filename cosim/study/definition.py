@@ -17,6 +17,8 @@ from cosim.plot.figures import Figure
 
 Layers = Callable[[Problems], tuple[Node, list[Path]]]
 """Gives the tree of a diagram with all its layers, and the files that it was read from."""
+MOST_MEMBERS = 10_000_000
+"""Each has a line of some 500 bytes in the store, and all are read whenever the study is."""
 METHODS = ("random", "latin-hypercube", "sobol")
 STATISTICS = ("max", "mean", "median", "min", "rms", "std")
 OVER_RUNS = {

@@ -10,7 +10,7 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,7 +23,7 @@ from threading import Thread
 from typing import Any
 
 from cosim.errors import ClusterError
-from cosim.machine import interruption
+from cosim.machine import interruption, parallel
 from cosim.study import member_run, study_file
 from cosim.study.definition import Study
 from cosim.study.member_run import Row
@@ -34,22 +34,10 @@ RETRIES = 8
 """How often a member is given to another worker when its worker dies."""
 
 
-def processors() -> int:
-    """How many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextmanager
-def threads(count: int) -> Iterator[Executor]:
-    """Threads of this process; on the way out by an exception, what has not begun is cancelled."""
-    with _ending(ThreadPoolExecutor(count, "member")) as executor:
-        yield executor
-
-
 @contextmanager
 def processes(count: int, stop: SharedEvent) -> Iterator[Executor]:
     """Processes of their own, for blocks that a process can have only once. stop: a shared mark, which ends runs."""
-    with _ending(ProcessPoolExecutor(count, _CONTEXT, _begin, (stop,))) as executor:
+    with parallel.ending(ProcessPoolExecutor(count, _CONTEXT, _begin, (stop,))) as executor:
         yield executor
 
 
@@ -114,18 +102,8 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         raise ClusterError(f"there is no Dask scheduler at {address}: {error}", fix=fix) from None
     with client:
         count = sum(client.nthreads().values())
-        with _ending(client.get_executor(pure=False, retries=RETRIES)) as executor:
+        with parallel.ending(client.get_executor(pure=False, retries=RETRIES)) as executor:
             yield executor, max(count, 1)
-
-
-@contextmanager
-def _ending(executor: Any) -> Iterator[Any]:
-    try:
-        yield executor
-    except BaseException:
-        executor.shutdown(wait=True, cancel_futures=True)
-        raise
-    executor.shutdown(wait=True)
 
 
 def finished(

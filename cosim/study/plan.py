@@ -27,10 +27,6 @@ class Member:
         return "-".join(map(str, (self.variant, *self.grid, *(() if self.draw is None else (self.draw,)))))
 
 
-MOST_MEMBERS = 10_000_000
-"""Each has a line of some 500 bytes in the store, and all are read whenever the study is."""
-
-
 def size(study: Study) -> int:
     """How many members there are."""
     count = len(study.variants) * (study.random.count if study.random else 1)

@@ -15,6 +15,7 @@ from typing import Any
 
 from cosim.errors import CosimError
 from cosim.language.source import Node
+from cosim.machine import parallel
 from cosim.results.metrics import from_json
 from cosim.study import executors, member_run, plan
 from cosim.study.definition import Study
@@ -141,13 +142,13 @@ def member_file(folder: Path | None, chosen: Member) -> Path:
 
 
 def _run(results: Results, options: Options) -> None:
-    count = min(options.threads or executors.processors(), results.total)
+    count = min(options.threads or parallel.processors(), results.total)
     if options.cluster:
         with executors.cluster(options.cluster) as (executor, workers):
             submit = partial(_run_elsewhere, executor, results.study, options)
             _collect(results, options, submit, WINDOW * workers, executor, threading.Event())
     elif results.variants.shareable() or options.here:
-        with executors.threads(1 if options.here else count) as executor:
+        with parallel.threads(1 if options.here else count) as executor:
             stop = threading.Event()
             _collect(results, options, partial(_run_here, executor, results, stop), WINDOW * count, executor, stop)
     else:

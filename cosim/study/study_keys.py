@@ -18,8 +18,7 @@ from cosim.language.keys import (
     count,
 )
 from cosim.plot.figures import FIGURE
-from cosim.study import plan
-from cosim.study.definition import METHODS
+from cosim.study.definition import METHODS, MOST_MEMBERS
 
 VALUES = {ANY: Key("", DATA)}
 OVERLAY = {name: replace(key, layer=True) for name, key in DIAGRAM.items() if name not in ("title", "extends")}
@@ -41,7 +40,7 @@ CROSSED: dict[str, Key] = {
     ),
 }
 RANDOM: dict[str, Key] = {
-    "count": Key("how many draws of each variant and grid point", count(plan.MOST_MEMBERS), example="100"),
+    "count": Key("how many draws of each variant and grid point", count(MOST_MEMBERS), example="100"),
     "seed": Key("whole number from 0; the same gives the same draws", ANYTHING, 0),
     "method": Key("how draws are spread", choice(METHODS), METHODS[0]),
     "draws": Key("what is drawn, by path: {uniform: [least, most]} or {normal: [mean, deviation]}", below=NAMED),
@@ -51,7 +50,7 @@ SEARCH: dict[str, Key] = {
     "over": Key("what is varied, by path, as `random.draws`: {uniform: [least, most]}", below=NAMED),
     "accept": RANDOM["accept"],
     "requirements": Key("which requirements are to be violated; none: each of them", ANYTHING),
-    "runs": Key("how many runs at most for each", count(plan.MOST_MEMBERS), 2000),
+    "runs": Key("how many runs at most for each", count(MOST_MEMBERS), 2000),
     "seed": RANDOM["seed"],
 }
 BOUNDS: dict[str, Key] = {

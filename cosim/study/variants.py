@@ -140,7 +140,7 @@ class Variants:
 
     def shareable(self) -> bool:
         """Whether members may run at once in one process: not with the code of FMUs, which nobody vouches for."""
-        return not any(has_foreign(self.base(name)) for name in self.study.variants)
+        return not any(self.base(name).has_foreign for name in self.study.variants)
 
     def base(self, variant: str) -> Network:
         """A variant without grid and draws, with the first of those that it is crossed with. Raises: DiagramErrors."""
@@ -304,18 +304,13 @@ class _Beginnings:
     def at(self, prepared: Prepared) -> Simulation:
         """A simulation of that member at time zero. Raises: BlockFailed."""
         key = id(prepared.kernels)
-        if has_foreign(prepared.network) or key not in self._simulations:
+        if prepared.network.has_foreign or key not in self._simulations:
             self._simulations[key] = Simulation(prepared.program, prepared.kernels)
         simulation = self._simulations[key]
         simulation.arena[:] = prepared.program.arena
         simulation.initialize()
         simulation.close()
         return simulation
-
-
-def has_foreign(network: Network) -> bool:
-    """Whether FMUs are among the blocks."""
-    return any(component.declaration.foreign for component in network.components.values())
 
 
 def address_of(network: Network, path: str) -> Address | None:

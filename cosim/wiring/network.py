@@ -271,6 +271,11 @@ class Network:
         names = sorted(self.function(task).writes) if task.function else [task.port]
         return [Signal(task.component, name) for name in names]
 
+    @property
+    def has_foreign(self) -> bool:
+        """Whether FMUs are among the blocks."""
+        return any(component.declaration.foreign for component in self.components.values())
+
     @cached_property
     def stuck(self) -> list[Component]:
         """The foreign blocks that cannot go back to a state, so that no step can be done anew."""

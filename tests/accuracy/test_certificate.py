@@ -19,7 +19,7 @@ from cosim.accuracy.refinement import TOTAL, Refinement, elsewhere, settings
 from cosim.engine import compilation, run
 from cosim.errors import NoCertificate, UsageError
 from cosim.export.exporter import export_fmu
-from cosim.study import executors
+from cosim.machine import parallel
 
 STOP = 2.0
 REDUCTIONS = "max", "min", "mean", "rms", "final"
@@ -487,7 +487,7 @@ def test_a_diagram_inside_a_diagram_is_refined_with_it(certified, diagram):
 
 def test_plain_python_runs_one_after_another(certified, monkeypatch):
     """What its functions share, runs at once would take from each other."""
-    monkeypatch.setattr(executors, "threads", None)
+    monkeypatch.setattr(parallel, "threads", None)
     text = """
     run: {stop: 1, step: 0.1}
     blocks: {a: {type: Decay, inputs: {u: p.y}}, p: {type: Plain}}
