@@ -6,7 +6,6 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
 from functools import partial
 from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
@@ -39,13 +38,10 @@ class Evaluator:
         settings: Sequence[str] = (),
         watch: Callable[[int], None] = lambda done: None,
     ) -> None:
-        self.study = replace(study, random=space)
         self.variant = next(iter(study.variants))
-        self.variants = Variants(self.study)
+        self.variants = Variants(study)
         self.variants.check()
-        draws = self.variants.draws()
-        assert draws
-        self.draws = draws
+        self.draws = self.variants.draws_of(space)
         self.done = self.ran = 0
         self.count = threads or parallel.processors()
         self._origin = executors.StudyFile(str(study.path.resolve()), tuple(settings))

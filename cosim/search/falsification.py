@@ -20,14 +20,15 @@ from typing import Any
 
 import numpy as np
 
-from cosim.errors import MissingPackage, NoAcceptedDraw
+from cosim.errors import NoAcceptedDraw
+from cosim.search import descent
+from cosim.search.descent import POPULATION
 from cosim.search.evaluator import Evaluator
 from cosim.search.objective import Trial, trial
 from cosim.study.variants import Settings
 
 Point = tuple[float, ...]
 Place = tuple[Point, Settings]
-POPULATION = 16
 GENERATIONS = 60
 SPREAD = 0.08
 """Of CMA-ES at its begin, of the space's width."""
@@ -66,7 +67,7 @@ class Falsification:
         seed: int,
         watch: Callable[[Findings], None],
     ) -> None:
-        self._cma = _library()
+        descent.library()  # before anything is run
         self._evaluator, self._requirement, self._runs = evaluator, requirement, runs
         self._random = np.random.default_rng(seed)
         self._watch = watch
@@ -118,14 +119,7 @@ class Falsification:
 
     def _descend(self, begin: Point) -> None:
         """CMA-ES from a point, until it stands still."""
-        options = {
-            "bounds": [0.0, 1.0],
-            "popsize": POPULATION,
-            "maxiter": GENERATIONS,
-            "seed": int(self._random.integers(1, 2**31)),
-            "verbose": -9,
-        }
-        strategy = self._cma.CMAEvolutionStrategy(list(begin), SPREAD, options)
+        strategy = descent.strategy(begin, SPREAD, int(self._random.integers(1, 2**31)), GENERATIONS)
         while not strategy.stop() and not self._is_over():
             places = [*filter(None, (self._accepted(lambda: strategy.ask(1)[0]) for _ in range(POPULATION)))]
             trials = self._tried(places)
@@ -148,14 +142,3 @@ class Falsification:
             if self._is_over():
                 break
         return tried
-
-
-def _library() -> Any:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import cma
-    except ImportError:
-        fix = "pip install 'cosim[search]'"
-        raise MissingPackage("a search needs the package cma, which is not installed", fix=fix) from None
-    return cma

@@ -19,6 +19,8 @@ Layers = Callable[[Problems], tuple[Node, list[Path]]]
 """Gives the tree of a diagram with all its layers, and the files that it was read from."""
 MOST_MEMBERS = 10_000_000
 """Each has a line of some 500 bytes in the store, and all are read whenever the study is."""
+CONDITIONS = ("kept", "all", "any")
+"""Of the theorems' conditions: those that hold with the values before, all, or whichever."""
 METHODS = ("random", "latin-hypercube", "sobol")
 STATISTICS = ("max", "mean", "median", "min", "rms", "std")
 OVER_RUNS = {
@@ -148,6 +150,23 @@ class Search:
 
 
 @dataclass(frozen=True)
+class Tuning:
+    """What is tuned: over `space`, so that `objective` becomes small, with every metric of `subject` within its bounds.
+
+    conditions: one of CONDITIONS. accuracy: as of the key. held_out: how many draws are kept back. runs: at most.
+    """
+
+    space: Random
+    objective: Node
+    subject: tuple[Bounds, ...]
+    conditions: str
+    accuracy: float
+    held_out: int
+    runs: int
+    node: Node
+
+
+@dataclass(frozen=True)
 class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
@@ -215,6 +234,7 @@ class Study:
     added_metrics: Node | None = None
     requirements: Node | None = None
     search: Search | None = None
+    tuning: Tuning | None = None
     record: Node | None = None
     tables: tuple[TableLayout, ...] = ()
     references: tuple[Reference, ...] = ()

@@ -58,6 +58,18 @@ class Draws:
         found = self._settings(self._mapped(point))
         return found if self._accepts(found) else None
 
+    def point_of(self, value: Callable[[str], Any]) -> np.ndarray:
+        """The point (size,) of the unit cube at given uniform values, by path; at its bounds for those beyond.
+
+        Where one number is drawn for what has several, it is their mean.
+        """
+        parts = []
+        for draw, shape in zip(self._random.draws, self._shapes, strict=True):
+            given = np.asarray(value(draw.paths[0]), float)
+            given = np.broadcast_to(given if given.shape == shape else np.mean(given), shape)
+            parts.append(np.clip((given - draw.a) / (draw.b - draw.a), 0.0, 1.0).reshape(-1))
+        return np.concatenate(parts)
+
     @property
     def accept_place(self) -> Position | None:
         """Where it is said what is accepted."""

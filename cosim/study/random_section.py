@@ -44,6 +44,18 @@ def read(node: Node, reader: Reader, section: str = "random", drawn: str = "draw
     )
 
 
+def space(node: Node, section: str, reader: Reader) -> Random | None:
+    """What a section varies `over`, as one draw of it; None where it does not say."""
+    entries = node.value
+    if "over" not in entries:
+        fix = f"write {section}: {{over: {{blocks.plant.start.x: {{uniform: [-1, 1]}}}}}}"
+        reader.problems.add(MissingKey(f"`{section}` has no `over`", node.place, fix))
+        return None
+    draws = {"count": Node(1, node.position), "draws": entries["over"]}
+    kept = {key: entries[key] for key in ("seed", "accept") if key in entries}
+    return read(Node({**draws, **kept}, node.position, node.place), reader, section, "over")
+
+
 def _seed(node: Node, where: str, reader: Reader) -> int:
     seed = reader.number(node, where, 0.0)
     if not (0 <= seed < 2**53 and seed.is_integer()):

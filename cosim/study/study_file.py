@@ -25,8 +25,8 @@ from cosim.language.keys import ADDS, NAMED, RECORD, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import figures
-from cosim.study import consistency, grid_section, random_section, search_section, tables_section
-from cosim.study.definition import Question, Reference, Study, Variant
+from cosim.study import consistency, grid_section, random_section, search_section, tables_section, tune_section
+from cosim.study.definition import Question, Reference, Search, Study, Tuning, Variant
 from cosim.study.study_keys import EXPLAIN, OVERLAY, STUDY
 
 
@@ -98,7 +98,8 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study.grid = grid_section.read(_entries(sections, "grid"), reader)
     study.random = random_section.read(sections["random"], reader) if "random" in sections else None
     study.metrics, study.added_metrics = _metrics(sections.get("metrics"), reader)
-    study.search = search_section.read(sections["search"], reader) if "search" in sections else None
+    study.search = _search(sections["search"], reader) if "search" in sections else None
+    study.tuning = _tuning(sections["tune"], reader) if "tune" in sections else None
     study.requirements = sections.get("requirements")
     study.record = _record(sections.get("record"), reader)
     study.tables = tables_section.read(_entries(sections, "tables"), study, reader)
@@ -107,6 +108,16 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study.figures = figures.read(_entries(sections, "figures"), reader.problems)
     consistency.check(study, _entries(sections, "variants"), reader.problems)
     return study
+
+
+def _search(node: Node, reader: Reader) -> Search | None:
+    space = random_section.space(node, "search", reader)
+    return search_section.read(node, space, reader)
+
+
+def _tuning(node: Node, reader: Reader) -> Tuning | None:
+    space = random_section.space(node, "tune", reader)
+    return tune_section.read(node, space, reader)
 
 
 def _entries(sections: Mapping[str, Node], key: str) -> dict[str, Node]:

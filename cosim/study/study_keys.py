@@ -18,7 +18,7 @@ from cosim.language.keys import (
     count,
 )
 from cosim.plot.figures import FIGURE
-from cosim.study.definition import METHODS, MOST_MEMBERS
+from cosim.study.definition import CONDITIONS, METHODS, MOST_MEMBERS
 
 VALUES = {ANY: Key("", DATA)}
 OVERLAY = {name: replace(key, layer=True) for name, key in DIAGRAM.items() if name not in ("title", "extends")}
@@ -57,6 +57,16 @@ BOUNDS: dict[str, Key] = {
     "least": Key("the lower bound", NUMBER, float("-inf")),
     "most": Key("the upper bound", NUMBER, float("inf")),
 }
+TUNE: dict[str, Key] = {
+    "over": Key("what is free, by path: {uniform: [least, most]}", below=NAMED),
+    "minimise": Key("a metric, or arithmetic in metrics: its mean over the study's draws becomes small", TEXT),
+    "subject": Key("bounds, by metric, that each run has to keep: {least, most}", below=NAMED),
+    "conditions": Key("which of the theorems' conditions have to hold", choice(CONDITIONS), CONDITIONS[0]),
+    "accuracy": Key("by how much figures may differ from those at a tenth of the step, of their size", NUMBER, 0.05),
+    "held_out": Key("how many of the study's draws are not tuned with, but looked at in the end", count(), 0),
+    "runs": Key("how many runs at most", count(MOST_MEMBERS), 1000),
+    "seed": RANDOM["seed"],
+}
 COLUMN: dict[str, Key] = {
     "metric": Key("which metric", ANYTHING),
     "over": Key("how draws are reduced: a statistic, a quantile from 0 to 1, or [mean, std]", ANYTHING),
@@ -83,6 +93,7 @@ STUDY: dict[str, Key] = {
     "grid": Key("lists of values, by path; or by a name: {path, values}, or {variants}", below=NAMED),
     "random": Key("what is drawn at random", below=RANDOM),
     "search": Key("where `cosim falsify` looks for what violates a requirement", below=SEARCH),
+    "tune": Key("what `cosim tune` changes, and what for", below=TUNE),
     "metrics": Key("names of those to keep, or definitions of further ones", ANYTHING),
     "requirements": DIAGRAM["requirements"],
     "record": Key("true, or what is recorded of each run", ANYTHING),

@@ -6,6 +6,7 @@ whose arena is copied and given other numbers. Everything else goes through the 
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -39,7 +40,7 @@ from cosim.language.source import Node
 from cosim.language.values import Value
 from cosim.machine import importing
 from cosim.study import consistency, plan
-from cosim.study.definition import Draw, Study, Variant
+from cosim.study.definition import Draw, Random, Study, Variant
 from cosim.study.draws import Draws
 from cosim.study.plan import Member
 from cosim.wiring import library, resolution
@@ -108,7 +109,7 @@ class Variants:
         self._changes = {(axis.paths[0], change.name): change for axis in study.grid for change in axis.changes}
         self._crossed = {path for path, _ in self._changes}
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
-        spaces = [study.random, *([study.search.space] if study.search else [])]
+        spaces = [study.random, *(section.space for section in (study.search, study.tuning) if section)]
         drawn = {path: d.node.place for space in spaces if space for d in space.draws for path in d.paths}
         self.positions = {**grid, **drawn}
 
@@ -128,10 +129,12 @@ class Variants:
         problems.raise_if_any()
         consistency.check_against(self.study, self._bases, problems)
         point = plan.grid_settings(self.study, (0,) * len(self.study.grid))
-        draws = problems.attempt(self.draws)
-        for name in self.study.variants:
+        sections = [section for section in (self.study.search, self.study.tuning) if section]
+        spaces = [self.study.random, *(section.space for section in sections)]
+        draws = [problems.attempt(self.draws_of, space) if space else None for space in spaces]
+        for name, drawn in itertools.product(self.study.variants, draws):
             try:
-                self.wire(name, (*point, *(draws.typical() if draws else ())))
+                self.wire(name, (*point, *(drawn.typical() if drawn else ())))
             except DiagramErrors as found:
                 for mistake in found.errors:
                     if not isinstance(mistake, RuleViolation):
@@ -149,10 +152,11 @@ class Variants:
         return self._bases[variant]
 
     def draws(self) -> Draws | None:
-        """The draws of the study; they are judged, and have the shapes that they have, in its first variant."""
-        random = self.study.random
-        if random is None:
-            return None
+        """The draws of the study, as of `draws_of`; None if it has none."""
+        return None if self.study.random is None else self.draws_of(self.study.random)
+
+    def draws_of(self, random: Random) -> Draws:
+        """Draws; they are judged, and have the shapes that they have, in the study's first variant."""
         first = next(iter(self.study.variants))
         network = self.base(first)
         problems = Problems()
@@ -337,6 +341,18 @@ def address_of(network: Network, path: str) -> Address | None:
         if known and name not in component.wires and all(part.isdecimal() for part in rest):
             return Address(Signal(parts[1], name), parts[2], tuple(map(int, rest)))
     return None
+
+
+def value_at(network: Network, path: str) -> Any:
+    """The number that a dotted path names, or nested lists of such, as the network has it. Raises: UnknownSetting."""
+    address = address_of(network, path)
+    if address is None:
+        raise UnknownSetting(f"`{path}` names no value", None, "such as blocks.plant.parameters.mass")
+    values = network.components[address.signal.component].values[address.signal.variable]
+    found = values[0] if len(values) == 1 else values
+    for index in address.indices:
+        found = found[index]
+    return np.asarray(found).tolist()
 
 
 def _is_value(network: Network, path: str, value: Any) -> bool:

@@ -16,11 +16,16 @@ kept, and the same command goes on from there."""
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.epilog = EXIT_CODES
-    parser.add_argument("study", type=Path, help="a YAML study with a section `search`")
+    search_arguments(parser, "search", "how many runs at most for each")
     help_ = "the requirement to be violated (default: those of the study, one after the other)"
     parser.add_argument("--requirement", action="append", default=[], metavar="NAME", help=help_)
-    parser.add_argument("--runs", type=_count, default=0, metavar="N", help="how many runs at most for each")
-    parser.add_argument("--seconds", type=_seconds, default=float("inf"), metavar="S", help="how long at most for each")
+
+
+def search_arguments(parser: argparse.ArgumentParser, section: str, runs: str) -> None:
+    """Options of the commands that search; section: of the study that says over what; runs: help on how many."""
+    parser.add_argument("study", type=Path, help=f"a YAML study with a section `{section}`")
+    parser.add_argument("--runs", type=_count, default=0, metavar="N", help=runs)
+    parser.add_argument("--seconds", type=_seconds, default=float("inf"), metavar="S", help="how long at most")
     parser.add_argument("--seed", type=_seed, default=None, metavar="N", help="in place of the study's")
     parser.add_argument("--set", action="append", default=[], metavar="a.b=VALUE", help="change one value of the study")
     help_ = "threads (default: 0, one each processor)"
