@@ -161,8 +161,7 @@ def test_a_mistake_has_its_place(tmp_path, capsys, old, new, told):
 
 
 def test_values_that_cannot_be_run_are_no_begin(tmp_path, capsys):
-    written(
-        tmp_path, DECAY.replace("stop: 1", "stop: 200").replace("k: -1", "k: 50"), DECEIVED.replace("ACCURACY", "1")
-    )
+    diagram = DECAY.replace("stop: 1", "stop: 200").replace("k: -1", "k: 50")
+    written(tmp_path, diagram, DECEIVED.replace("ACCURACY", "1"))
     assert main(["tune", str(tmp_path / "study.yaml"), "--results", str(tmp_path / "results")]) == 2
     assert "with the values before, `abs(last)` has no value" in capsys.readouterr().err
