@@ -157,5 +157,6 @@ def _event_text(network: Network, signal: Signal) -> str:
 
 
 def _unit(network: Network, signal: Signal, reduction: Reduction) -> str:
-    unit = reduction.unit or network.variable(signal).unit
-    return unit if isinstance(unit, str) else ""
+    own = network.variable(signal).unit
+    plain = own if isinstance(own, str) else ""
+    return reduction.unit_from(plain)

@@ -31,6 +31,7 @@ from cosim.language.keys import (
     ANIMATION,
     DIAGRAM,
     METRIC,
+    METRIC_OPTIONS,
     RECORD,
     REDUCTIONS,
     RUN,
@@ -92,7 +93,7 @@ class Record:
 
 @dataclass
 class MetricEntry:
-    """A reduction of a signal (`block.port`) over the window from `start` to `stop` (s)."""
+    """A reduction of a signal (`block.port`) over the window from `start` to `stop` (s); options: of METRIC_OPTIONS."""
 
     name: str
     signal: Node
@@ -100,12 +101,13 @@ class MetricEntry:
     start: float
     stop: float
     position: Position
+    options: dict[str, float] = field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
         """The entry without places, as YAML has it."""
         window = {"from": self.start, "to": self.stop}
         finite = {key: value for key, value in window.items() if math.isfinite(value)}
-        return {"signal": self.signal.value, "reduce": self.reduce, **finite}
+        return {"signal": self.signal.value, "reduce": self.reduce, **finite, **self.options}
 
 
 @dataclass
@@ -382,7 +384,7 @@ def _metric(name: str, node: Node, unfolded: Unfolded, reader: Reader) -> Metric
         reader.missing(node, f"metric `{name}` has no `{key}`", fix)
     if missing or read_value(METRIC["signal"], entries["signal"], f"{where}.signal", reader) is None:
         return None
-    rest = {key: spec for key, spec in METRIC.items() if key != "signal"}
+    rest = {key: spec for key, spec in METRIC.items() if key not in ("signal", *METRIC_OPTIONS)}
     reduce, start, stop = read_section(rest, entries, where, reader).values()
     if not start <= stop:
         message = f"metric `{name}`: its window ends at {stop:g} s, before it begins at {start:g} s"
@@ -392,4 +394,6 @@ def _metric(name: str, node: Node, unfolded: Unfolded, reader: Reader) -> Metric
         message = f"metric `{name}`: its window begins at {start:g} s, before the run does"
         reader.wrong(entries["from"], message, "such as 0, or leave `from` out", MetricError)
     signal = unfolded.rewired(entries["signal"], reader.problems)
-    return MetricEntry(name, signal, reduce, start, stop, node.place)
+    own = {key: METRIC[key] for key in METRIC_OPTIONS if key in entries}
+    options = {key: value for key, value in read_section(own, entries, where, reader).items() if value is not None}
+    return MetricEntry(name, signal, reduce, start, stop, node.place, options)

@@ -24,7 +24,11 @@ NATIVE = ("block", "python", "fmu")
 METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
 MODES = ("co-simulation", "model-exchange")
 LOGS = ("errors", "all", "none")
-REDUCTIONS = ("max", "min", "mean", "rms", "final", "events")
+REDUCTIONS = (
+    *("max", "min", "mean", "rms", "final", "events"),
+    *("settling_time", "rise_time", "overshoot", "iae", "ise", "itae"),
+    *("time_of_max", "time_of_min", "percentile"),
+)
 MOST_EXTRAPOLATION = 2
 MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or interrupted
 
@@ -268,7 +272,11 @@ METRIC: dict[str, Key] = {
     "reduce": Key("how", choice(REDUCTIONS)),
     "from": Key("where its window begins", NUMBER, 0.0, unit="s"),
     "to": Key("where it ends; none: at the end", NUMBER, math.inf, unit="s"),
+    "reference": Key("of an error, none: 0; where a response is to end, none: its last sample", NUMBER),
+    "band": Key("of a settling time: how near to the end, in parts of the way; none: 0.02", POSITIVE),
+    "percent": Key("of a percentile; none: 95", between(0.0, 100.0)),
 }
+METRIC_OPTIONS = ("reference", "band", "percent")
 REQUIREMENT: dict[str, Key] = {
     "formula": Key("in signal temporal logic", TEXT, example="always(plant.x < 1)"),
     "stop": Key("violated: the run ends soon after it is violated", choice(("violated",))),

@@ -56,6 +56,10 @@ class Reduction(ABC):
         inside = self._inside(times)
         return inside.start < inside.stop
 
+    def unit_from(self, unit: str) -> str:
+        """The value's unit, from the signal's."""
+        return self.unit or unit
+
     def update(self, times: Array, samples: Array) -> None:
         """Take a batch: times (k,) in s, never decreasing, and samples (k, *shape). Keeps no reference to either."""
         inside = self._inside(times)

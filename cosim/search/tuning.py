@@ -27,7 +27,7 @@ from cosim.errors import CosimError, Position
 from cosim.language import source
 from cosim.search import descent
 from cosim.search.evaluator import Evaluator
-from cosim.search.worth import HEAVY, LOST, Measure, Worth, changed_by, objective
+from cosim.search.worth import HEAVY, LOST, Worth, Yardstick, changed_by, objective
 from cosim.study.definition import Tuning
 from cosim.study.member_run import Row
 from cosim.study.variants import Settings, value_at
@@ -109,7 +109,7 @@ class TuningRun:
         every = {name for row in rows for name in row["conditions"]}
         failing = {name for row in rows for name, holds in row["conditions"].items() if holds is False}
         expected = {"kept": named - failing, "all": every, "any": set[str]()}[self._tuning.conditions]
-        self._measure = Measure(self._tuning, abs(mean) or 1.0, frozenset(expected))
+        self._measure = Yardstick(self._tuning, abs(mean) or 1.0, frozenset(expected))
         return self._checked((), rows)
 
     def _begin(self) -> np.ndarray:

@@ -30,7 +30,7 @@ class Worth:
     cost: float
 
 
-class Measure:
+class Yardstick:
     """How runs are judged. scale: the objective of the values before; expected: the conditions that have to hold."""
 
     def __init__(self, tuning: Tuning, scale: float, expected: frozenset[str]) -> None:

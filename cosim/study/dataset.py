@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ResultError
+from cosim.results.metrics import Events
 from cosim.results.netcdf_layout import NOT_A_VARIABLE
 from cosim.results.software_versions import versions
 from cosim.study.definition import Study
 from cosim.study.dotted_paths import short_name
 from cosim.study.member_run import Row
 from cosim.study.running import Results
-from cosim.wiring import required
+from cosim.wiring import required, windows
 
 Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 
@@ -166,10 +167,10 @@ def _units(results: Results) -> dict[str, str]:
     units: dict[str, str] = {}
     for variant in results.study.variants:
         network = results.variants.base(variant)
-        for name, metric in network.diagram.metrics.items():
-            unit = network.variable(network.reduced[name]).unit
-            if isinstance(unit, str) and metric.reduce != "events":
-                units.setdefault(name, unit)
+        for name, (signal, reduction) in windows.reduced(network)[0].items():
+            unit = network.variable(signal).unit
+            if not isinstance(reduction, Events):
+                units.setdefault(name, reduction.unit_from(unit if isinstance(unit, str) else ""))
         for name, monitor in required.monitors(network).items():
             units.setdefault(name, monitor.unit)
     return units

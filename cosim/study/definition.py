@@ -14,6 +14,7 @@ from cosim.authoring.block import Block
 from cosim.errors import Position, Problems
 from cosim.language.source import Node
 from cosim.plot.figures import Figure
+from cosim.results.step_figures import STEP_FIGURES
 
 Layers = Callable[[Problems], tuple[Node, list[Path]]]
 """Gives the tree of a diagram with all its layers, and the files that it was read from."""
@@ -32,6 +33,7 @@ OVER_RUNS = {
     "events": "max",
     "first": "min",
     "margin": "min",
+    **dict.fromkeys(STEP_FIGURES, "max"),
 }
 """How a metric, by its reduction over a run, is reduced over several runs if nothing is said."""
 

@@ -10,6 +10,7 @@ from cosim.errors import CosimError, DiagramErrors, MetricError, Problems, Wrong
 from cosim.language.diagram import Diagram, MetricEntry
 from cosim.results import metrics as reductions
 from cosim.results.metrics import Events, Reduction
+from cosim.results.step_figures import reduced_by
 from cosim.wiring.network import Network, Signal
 
 
@@ -28,7 +29,7 @@ def reduced(network: Network) -> tuple[dict[str, tuple[Signal, Reduction]], list
         variable = network.variable(signal)
         start, stop = metric.start or None, metric.stop if math.isfinite(metric.stop) else None
         try:
-            reduction = reductions.reduction(metric.reduce, start, stop, variable.dtype, network.shape(signal))
+            reduction = reduced_by(metric.reduce, metric.options, start, stop, variable.dtype, network.shape(signal))
             if isinstance(reduction, Events) and not _keeps_events(network, signal):
                 message = f"`events` needs a table that starts as NaN, which `{signal}` does not"
                 raise MetricError(message, fix="use the output of a block that records events, or reduce with `final`")
