@@ -14,6 +14,7 @@ import numpy as np
 
 from cosim.errors import NoAcceptedDraw, Position
 from cosim.study.definition import Draw, Random
+from cosim.study.dotted_paths import short_name
 from cosim.wiring import sizes
 
 TRIALS = 10_000
@@ -74,6 +75,16 @@ class Draws:
     def accept_place(self) -> Position | None:
         """Where it is said what is accepted."""
         return self._random.accept[0].node.place if self._random.accept else None
+
+    def names(self) -> list[str]:
+        """What each number of a draw is called: by its path, an element with its indices from 1."""
+        found = []
+        for draw, shape in zip(self._random.draws, self._shapes, strict=True):
+            name = short_name(",".join(draw.paths))
+            found += [
+                f"{name}[{','.join(str(k + 1) for k in index)}]" if index else name for index in np.ndindex(*shape)
+            ]
+        return found
 
     @property
     def size(self) -> int:
