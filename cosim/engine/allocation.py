@@ -15,7 +15,7 @@ from cosim.authoring.variables import Variable
 from cosim.compiling.frame import in_arena
 from cosim.machine.memory import ALIGNMENT, private
 from cosim.master.histories import head, words
-from cosim.wiring.clocks import exact
+from cosim.wiring import jumps
 from cosim.wiring.network import Component, Network, Signal
 
 
@@ -126,14 +126,15 @@ def remember(memory: Allocation, component: Component, port: str) -> None:
     if coupling.delay:
         fresh = memory.fresh[signal] = memory.store(component, variable, instances)
         memory.allocate(8)  # as of `connect`
-        room = memory.network.schedule.most_points(min(coupling.delay, exact(memory.network.diagram.run.stop))) + 2
+        room = jumps.room(memory.network, coupling)
     if port in component.given:
         start = np.broadcast_to(component.values[port], (instances, *to.shape))
         memory.first.append((to.offset, np.array(start, to.dtype)))
     width = -(-instances * component.nbytes(variable) // 8)
     memory.histories[signal] = memory.allocate(8 * words(room, width))
-    between = int(memory.network.flows(component, port)) if coupling.delay else coupling.order + 1
-    made = head(to.offset, fresh.offset, width, room, (coupling.order, between), float(coupling.delay))
+    between = int(jumps.flows(memory.network, component, port)) if coupling.delay else coupling.order + 1
+    pieces = not coupling.delay or jumps.are_met(memory.network, component, port), port in component.given
+    made = head(to.offset, fresh.offset, width, room, (coupling.order, between), float(coupling.delay), pieces)
     memory.first.append((memory.histories[signal], made))
 
 

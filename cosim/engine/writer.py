@@ -12,7 +12,7 @@ from cosim.compiling.frame import frame_of
 from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout, marks
 from cosim.master import tables
-from cosim.wiring import order
+from cosim.wiring import jumps, order
 from cosim.wiring.clocks import Clock
 from cosim.wiring.network import Component, Coupling, Loop, Network, Signal, Task
 
@@ -196,8 +196,9 @@ class Writer:
 
     def forget(self, component: Component, port: str) -> None:
         """Begin the history of an input anew where a sampled block is due that it depends on: then it jumps."""
-        for clock in order.clocks_behind(self.network, component, port):
-            self._row(tables.FORGET, self.layout.histories[Signal(component.name, port)], clock=self._clocks[clock])
+        for clock in jumps.behind(self.network, component, port).clocks:
+            if clock in self._clocks:  # else it is due after the end
+                self._row(tables.FORGET, self.layout.histories[Signal(component.name, port)], clock=self._clocks[clock])
 
     def recall(self, component: Component, at_end: bool = False) -> None:
         """Give the inputs that are read late or extrapolated their values at the time of a stage."""

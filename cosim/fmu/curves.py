@@ -74,7 +74,7 @@ def look(base: int, curve: Any, begin: float, step: float) -> None:
     """What an input is, for all instances, from the begin of a step to its end (s)."""
     n = curve[CURVE_ORDER]
     for p in range(n + 1):
-        trace(base, curve[CURVE_HISTORY], begin + step * p / n, curve[CURVE_POINTS] + p * curve[CURVE_WIDTH] * 8)
+        trace(base, curve[CURVE_HISTORY], begin + step * p / n, curve[CURVE_POINTS] + p * curve[CURVE_WIDTH] * 8, 1)
 
 
 def differentiate(curve: Any, first: int, step: float, values: Any, at: int) -> None:

@@ -2,7 +2,12 @@
 
 A history is a ring of the newest samples. Its value at a time is that of a polynomial: between two samples of that
 through the later one and so many before it, beyond the newest through that and so many before it; of order 0 it is the
-newest sample that is not later. One source, two engines, as in `loop.py`.
+newest sample that is not later.
+
+What is read late may jump: then a sample begins a new piece, up to which the one before is held; of order 0, every
+sample does. At a communication point or an event it is looked up from the right, which may be the begin of a piece. In
+a step that is not accepted yet it is looked up from the left. Where steps end as pieces do, that is within the piece
+that was found last, to the very end of the step, at which the next begins. One source, two engines, as in `loop.py`.
 """
 
 from __future__ import annotations
@@ -16,77 +21,149 @@ from cosim.machine.memory import reals_at, words_at
 
 # In words: the input's memory, that of what comes in (both offsets), how many words that is, the room for samples, the
 # orders beyond and between samples, the delay (s, a float64), how many samples there are, the place of the newest, the
-# largest magnitude so far (a float64); then times (s), samples, and a value that nobody reads for long.
-HISTORY_WORDS = 10
-TO, FRESH, WORDS, ROOM, BEYOND, BETWEEN, DELAY, FILLED, NEWEST, LARGEST = range(HISTORY_WORDS)
+# largest magnitude so far (a float64), whether steps end where pieces do, whether the next sample begins one, the time
+# of the sample that was found last from the right (s, a float64); then times (s), whether samples begin a piece,
+# samples, and a value that nobody reads for long.
+HISTORY_WORDS = 13
+TO, FRESH, WORDS, ROOM, BEYOND, BETWEEN, DELAY, FILLED, NEWEST, LARGEST, ENDED, BEGINS, FOUND = range(HISTORY_WORDS)
 NEAR = 1e-9  # of the distance of two samples: as near as that, a time is that of a sample
+ROUNDING = 2.0**-50  # of a time: the same
 
 
 def words(room: int, width: int) -> int:
     """How many words a history takes that has room for so many samples of so many words."""
-    return HISTORY_WORDS + room * (1 + width) + width
+    return HISTORY_WORDS + room * (2 + width) + width
 
 
-def head(to: int, fresh: int, width: int, room: int, orders: tuple[int, int], delay: float) -> np.ndarray:
-    """The first words of a history without samples. orders: beyond and between samples; delay: in s."""
-    made = np.array([to, fresh, width, room, *orders, 0, 0, room - 1, 0], np.int64)
-    made.view(np.float64)[DELAY] = delay
+def head(
+    to: int, fresh: int, width: int, room: int, orders: tuple[int, int], delay: float, pieces: tuple[bool, bool]
+) -> np.ndarray:
+    """The first words of a history without samples.
+
+    orders: beyond and between samples; delay: in s; pieces: whether steps end where pieces do, and whether the first
+    sample begins one, rather than that it goes on from what is there.
+    """
+    made = np.array([to, fresh, width, room, *orders, 0, 0, room - 1, 0, *pieces, 0], np.int64)
+    numbers = made.view(np.float64)
+    numbers[DELAY], numbers[FOUND] = delay, -math.inf
     return made
 
 
 def push(base: int, history: int, time: float) -> None:
-    """Keep what comes in as the sample of a time (s); one of the same time is replaced, and later ones are dropped."""
+    """Keep what comes in as the sample of a time (s); one of the same time is replaced, and later ones are dropped.
+
+    Aside is kept what there is before the first.
+    """
     h = words_at(base + history, HISTORY_WORDS)
-    times = reals_at(base + history + HISTORY_WORDS * 8, h[ROOM])
+    times, begins = times_of(base, history, h), begins_of(base, history, h)
     while h[FILLED] > 0 and times[h[NEWEST]] > time:
         h[NEWEST] = (h[NEWEST] - 1) % h[ROOM]
         h[FILLED] -= 1
+    if h[FILLED] == 0:
+        take(h[WORDS], aside(base, history), base + h[TO])
     if h[FILLED] == 0 or times[h[NEWEST]] != time:
         h[NEWEST] = (h[NEWEST] + 1) % h[ROOM]
         h[FILLED] = min(h[FILLED] + 1, h[ROOM])
+        begins[h[NEWEST]] = 0
     times[h[NEWEST]] = time
-    fresh = words_at(base + h[FRESH], h[WORDS])
-    kept = words_at(sample(base, history, h, 0), h[WORDS])
-    for j in range(kept.size):
-        kept[j] = fresh[j]
+    begins[h[NEWEST]] = max(begins[h[NEWEST]], h[BEGINS])
+    h[BEGINS] = 0
+    take(h[WORDS], sample(base, history, h, 0), base + h[FRESH])
+
+
+def take(n: int, to: int, source: int) -> None:
+    """Copy n words from an address to another."""
+    value, there = words_at(to, n), words_at(source, n)
+    for j in range(n):
+        value[j] = there[j]
+
+
+def times_of(base: int, history: int, h: Any) -> Any:
+    """The times of samples (s), by their place in the ring."""
+    return reals_at(base + history + HISTORY_WORDS * 8, h[ROOM])
+
+
+def begins_of(base: int, history: int, h: Any) -> Any:
+    """Whether samples begin a piece, by their place in the ring."""
+    return words_at(base + history + (HISTORY_WORDS + h[ROOM]) * 8, h[ROOM])
 
 
 def sample(base: int, history: int, h: Any, age: int) -> int:
     """The address of a sample; age: how many are newer."""
     at = (h[NEWEST] - age) % h[ROOM]
-    place: int = base + history + (HISTORY_WORDS + h[ROOM] + at * h[WORDS]) * 8
+    place: int = base + history + (HISTORY_WORDS + 2 * h[ROOM] + at * h[WORDS]) * 8
     return place
 
 
 def aside(base: int, history: int) -> int:
     """The address of a value that nobody reads for long."""
     h = words_at(base + history, HISTORY_WORDS)
-    place: int = base + history + (HISTORY_WORDS + h[ROOM] + h[ROOM] * h[WORDS]) * 8
+    place: int = base + history + (HISTORY_WORDS + 2 * h[ROOM] + h[ROOM] * h[WORDS]) * 8
     return place
 
 
 def forget(base: int, history: int) -> None:
-    """Begin anew, as what a wire brings has jumped."""
-    words_at(base + history, HISTORY_WORDS)[FILLED] = 0
-
-
-def trace(base: int, history: int, time: float, to: int) -> None:
-    """The value at a time (s), to an address; before the first sample, what is there stays."""
+    """Begin anew, as what a wire brings jumps. What is read late is still to come: there a new piece begins."""
     h = words_at(base + history, HISTORY_WORDS)
-    times = reals_at(base + history + HISTORY_WORDS * 8, h[ROOM])
-    wanted = time - reals_at(base + history, HISTORY_WORDS)[DELAY]
-    age = 0
-    while age < h[FILLED] and times[(h[NEWEST] - age) % h[ROOM]] > wanted + nearness(h, times, age):
-        age += 1
-    if age == h[FILLED]:
+    if reals_at(base + history, HISTORY_WORDS)[DELAY] > 0.0:
+        h[BEGINS] = 1
+    else:
+        h[FILLED] = 0
+
+
+def trace(base: int, history: int, time: float, to: int, left: int) -> None:
+    """The value at a time (s), to an address; left: not 0 where it is looked up from the left.
+
+    Before the first sample of what is read late it is that, or what there was, where that begins a piece.
+    """
+    h, numbers = words_at(base + history, HISTORY_WORDS), reals_at(base + history, HISTORY_WORDS)
+    if h[FILLED] == 0 or (left != 0 and h[BETWEEN] == 0 and h[ENDED] != 0):
         return
-    order = min(h[BEYOND] if age == 0 else h[BETWEEN], h[FILLED] - max(age, 1))
-    if order < 1 or abs(times[(h[NEWEST] - age) % h[ROOM]] - wanted) <= nearness(h, times, age):
-        value, held = words_at(to, h[WORDS]), words_at(sample(base, history, h, age), h[WORDS])
-        for j in range(value.size):
-            value[j] = held[j]
+    times, wanted = times_of(base, history, h), time - numbers[DELAY]
+    if left != 0:
+        age = from_left(base, history, h, times, wanted)
+    else:
+        age = age_at(h, times, wanted, 1.0)
+        numbers[FOUND] = times[(h[NEWEST] - age) % h[ROOM]] if age < h[FILLED] else -math.inf
+    ends = age > 0 and begins_of(base, history, h)[(h[NEWEST] - age + 1) % h[ROOM]] != 0  # the next begins a piece
+    order = 0 if ends else min(h[BEYOND] if age == 0 else h[BETWEEN], h[FILLED] - max(age, 1))
+    if age == h[FILLED]:
+        if numbers[DELAY] > 0.0:
+            take(h[WORDS], to, aside(base, history) if ends else sample(base, history, h, age - 1))
+    elif order < 1 or abs(times[(h[NEWEST] - age) % h[ROOM]] - wanted) <= nearness(h, times, age):
+        take(h[WORDS], to, sample(base, history, h, age))
     else:
         join(base, history, h, times, wanted, max(age - 1, 0), order, to)
+
+
+def age_at(h: Any, times: Any, wanted: float, side: float) -> int:
+    """The age of the newest sample that is not later than a time (s), of side -1 that is earlier; or of all samples."""
+    age: int = 0
+    beyond = h[FILLED]
+    while age < beyond:
+        middle = (age + beyond) // 2
+        if times[(h[NEWEST] - middle) % h[ROOM]] > wanted + side * nearness(h, times, middle):
+            age = middle + 1
+        else:
+            beyond = middle
+    return age
+
+
+def from_left(base: int, history: int, h: Any, times: Any, wanted: float) -> int:
+    """The age of the sample to look from at a time (s) in a step: none before that which was found at its begin.
+
+    Where steps end as pieces do, no piece begins after that.
+    """
+    begins, found = begins_of(base, history, h), reals_at(base + history, HISTORY_WORDS)[FOUND]
+    age = age_at(h, times, wanted, 1.0 if h[ENDED] != 0 else -1.0)
+    later = age
+    while h[ENDED] != 0 and later < h[FILLED] and times[(h[NEWEST] - later) % h[ROOM]] > found:
+        later += 1
+        if begins[(h[NEWEST] - later + 1) % h[ROOM]] != 0:
+            age = later
+    while age > 0 and times[(h[NEWEST] - age + 1) % h[ROOM]] <= found:
+        age -= 1
+    return age
 
 
 def nearness(h: Any, times: Any, age: int) -> float:
@@ -94,8 +171,9 @@ def nearness(h: Any, times: Any, age: int) -> float:
     if h[FILLED] < 2:
         return NEAR
     older = age if age + 1 == h[FILLED] else age + 1
-    distance: float = times[(h[NEWEST] - older + 1) % h[ROOM]] - times[(h[NEWEST] - older) % h[ROOM]]
-    return NEAR * distance
+    newer = times[(h[NEWEST] - older + 1) % h[ROOM]]
+    near: float = NEAR * (newer - times[(h[NEWEST] - older) % h[ROOM]]) + ROUNDING * abs(newer)
+    return near
 
 
 def join(base: int, history: int, h: Any, times: Any, wanted: float, age: int, order: int, to: int) -> None:
@@ -122,7 +200,7 @@ def misfit(base: int, history: int, time: float) -> float:
     """
     h = words_at(base + history, HISTORY_WORDS)
     there, to = reals_at(base + h[FRESH], h[WORDS]), aside(base, history)
-    trace(base, history, time, to)
+    trace(base, history, time, to, 1)
     wanted = reals_at(to, h[WORDS])
     error, largest = 0.0, reals_at(base + history, HISTORY_WORDS)[LARGEST]
     for j in range(there.size):

@@ -137,7 +137,7 @@ CONTROL_WORDS = 72
     EVENTFUL,  # whether there may be events between two communication points
     NEXT_EVENT,  # when foreign blocks have their next time event, a float64 (s)
     EARLY,  # when the first of them stopped within the step that is being done, a float64 (s); else infinite
-    LEFT,  # whether what is evaluated lies before the events of its time, at the end of a step that is not yet accepted
+    LEFT,  # whether what is evaluated lies before the events and jumps of its time, in a step that is not yet accepted
     DIVISIBLE,  # whether a step can end where an event is
     TERMINAL,  # of which indicators a crossing ends the run, float64 numbers that are not 0
     ENDED_BY,  # the indicator that did, from 1
@@ -170,7 +170,7 @@ def evaluate(c: Any, base: int, begin: int, end: int, time: float, later: float)
         elif row[KIND] == COPY:
             copy(base + row[A], base + row[B], row[C])
         elif row[KIND] == TRACE:
-            trace(base, row[A], now, base + words_at(base + row[A], 1)[0])
+            trace(base, row[A], now, base + words_at(base + row[A], 1)[0], c[LEFT])
         elif row[KIND] == PUSH:
             push(base, row[A], now)
         else:

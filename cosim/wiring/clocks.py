@@ -28,18 +28,32 @@ class Clock:
         text = f"every {float(self.period):g} s"
         return f"{text} from {float(self.offset):g} s" if self.offset else text
 
+    def later(self, time: Fraction) -> Clock:
+        """The same so much later (s)."""
+        return Clock(self.period, self.offset + time)
+
+    def follows(self, other: Clock) -> bool:
+        """Whether the other is due whenever this is."""
+        since = self.offset - other.offset
+        return self.period == other.period and since >= 0 and since % self.period == 0
+
 
 @dataclass(frozen=True)
 class Schedule:
-    """tick: what all times are multiples of (s). grid: the communication step, in ticks. clocks: those of blocks."""
+    """When the master stops.
+
+    tick: what all times are multiples of (s). grid: the communication step, in ticks; least: the shortest that it may
+    become. clocks: those of blocks, and of what jumps by itself.
+    """
 
     tick: Fraction
     grid: int
+    least: int
     clocks: tuple[Clock, ...]
 
     def most_points(self, time: Fraction) -> int:
         """At how many communication points the master stops at most within a time (s), both ends included."""
-        periods = [self.grid * self.tick, *(clock.period for clock in self.clocks)]
+        periods = [self.least * self.tick, *(clock.period for clock in self.clocks)]
         return sum(time // period + 1 for period in periods)
 
     def ticks(self, time: Fraction) -> int:
@@ -56,7 +70,8 @@ def schedule(step: float, clocks: Iterable[Clock | None], smallest: float | None
     tick = common([grid, *(time for clock in several for time in (clock.period, clock.offset))])
     while smallest is not None and tick > smallest:
         tick /= 2
-    return Schedule(tick, (grid / tick).numerator, several)
+    count = (grid / tick).numerator
+    return Schedule(tick, count, count if smallest is None else 1, several)
 
 
 def exact(time: float, step: float | None = None) -> Fraction:

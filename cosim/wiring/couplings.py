@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cosim.errors import WrongValue
+from cosim.wiring import jumps
 from cosim.wiring.clocks import exact
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component, Coupling
@@ -21,6 +22,8 @@ def couple(draft: Draft) -> None:
             if coupling:
                 component.couplings[port] = coupling
                 extrapolated |= coupling.order > 0
+    if draft.is_whole():
+        jumps.settle(draft.network())
     run = draft.diagram.run
     if run.method == "joint" and run.coupling_tolerance:
         message = "`run.coupling_tolerance` has nothing to judge under `joint`, which couples by its integrator"

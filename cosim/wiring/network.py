@@ -100,12 +100,15 @@ class Finding:
 class Coupling:
     """How an input is read: as it was so long ago (s), or extrapolated to an order between communication points.
 
-    interpolated: where a step is repeated, also by what its source gives at the end.
+    interpolated: where a step is repeated, also by what its source gives at the end. Of what is late, see `jumps`:
+    shift: the delay (s) as a multiple of the schedule's ticks, no shorter; jumps: the clocks by which it jumps.
     """
 
     delay: Fraction = Fraction(0)
     order: int = 0
     interpolated: bool = False
+    shift: Fraction = Fraction(0)
+    jumps: tuple[Clock, ...] = ()
 
 
 @dataclass
@@ -243,8 +246,16 @@ class Network:
     @cached_property
     def schedule(self) -> Schedule:
         """When the master stops."""
-        run, clocks = self.diagram.run, [component.clock for component in self.components.values()]
-        return schedule(run.step, clocks, (run.smallest_step or run.step / 1024) if run.coupling_tolerance else None)
+        run, several = self.diagram.run, self.components.values()
+        couplings = [coupling for component in several for coupling in component.couplings.values()]
+        clocks = [*(component.clock for component in several), *(jump for c in couplings for jump in c.jumps)]
+        return schedule(run.step, clocks, self.smallest_step)
+
+    @property
+    def smallest_step(self) -> float | None:
+        """How short (s) a communication step may become; None where all are of one size."""
+        run = self.diagram.run
+        return (run.smallest_step or run.step / 1024) if run.coupling_tolerance else None
 
     def variable(self, signal: Signal) -> Variable:
         """The declaration of a signal."""
@@ -301,11 +312,6 @@ class Network:
                 if c.declaration.kind("event") or any(i.terminal for i in c.declaration.of(Indicator))
             ]
         return [c for c in several if not (c.declaration.foreign and (self.stuck or self.rigid))]
-
-    def flows(self, component: Component, port: str) -> bool:
-        """Whether what an input reads is real and changes between two samples, so that there are values in between."""
-        sources = (self.components[source.component] for source in component.wires[port])
-        return component.declaration.variables[port].dtype == np.float64 and not any(s.is_sampled for s in sources)
 
     def shape(self, signal: Signal) -> tuple[int, ...]:
         """The shape of a signal over all instances."""

@@ -16,7 +16,6 @@ from cosim.authoring.declaration import Function
 from cosim.authoring.variables import Input, Output, State
 from cosim.errors import Problems, WrongValue
 from cosim.wiring import loops
-from cosim.wiring.clocks import Clock
 from cosim.wiring.draft import Draft
 from cosim.wiring.loops import Graph
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
@@ -48,26 +47,6 @@ def needed_outputs(component: Component) -> list[Function]:
             needed.append(function)
             wanted |= set(function.reads)
     return needed[::-1]
-
-
-def clocks_behind(network: Network, component: Component, port: str) -> list[Clock]:
-    """The clocks of the sampled blocks on which an input depends at one instant."""
-    found: dict[Clock, None] = {}
-    waiting, seen = [Signal(component.name, port)], set[Signal]()
-    while waiting:
-        signal = waiting.pop()
-        there = network.components[signal.component]
-        if signal in seen or there.is_late(signal.variable):
-            continue
-        seen.add(signal)
-        writer = there.declaration.writer(signal.variable)
-        if signal.variable in there.wires:
-            waiting += [source.whole for source in there.wires[signal.variable]]
-        elif there.is_sampled and there.clock:
-            found[there.clock] = None
-        elif writer:
-            waiting += network.read(Task(there.name, writer.name))
-    return [*found]
 
 
 @dataclass(frozen=True)

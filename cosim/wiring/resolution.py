@@ -93,3 +93,5 @@ def _size(draft: Draft) -> None:
     if not sizes.fit(draft.components.values(), draft.problems):
         draft.problems.raise_if_any()
     draft.problems.attempt(sizes.require_of_loops, draft.network())
+    if draft.is_whole():
+        draft.problems.attempt(sizes.require_of_delays, draft.network())

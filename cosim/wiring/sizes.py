@@ -11,6 +11,7 @@ from pathlib import Path
 
 from cosim.authoring.variables import CalculatedParameter, Local, Output, State, Variable
 from cosim.errors import Position, Problems, TooLarge
+from cosim.wiring.jumps import room
 from cosim.wiring.loops import systems
 from cosim.wiring.network import Component, Loop, Network
 
@@ -52,6 +53,19 @@ def require_of_loops(network: Network) -> None:
         place = network.components[loop.torn[0].component].entry.position
         fix = "let one of these blocks read a state instead, or sample it"
         require(COPIES * 8 * members * unknowns**2, what, place, fix)
+
+
+def require_of_delays(network: Network) -> None:
+    """Raises: TooLarge for an input that is read so late that there is no memory for the samples until then."""
+    late = [(c, port, coupling) for c in network.components.values() for port, coupling in c.couplings.items()]
+    for component, port, coupling in late:
+        if component.is_late(port):
+            samples, size = room(network, coupling), component.nbytes(component.declaration.variables[port])
+            read = f"`{port}`, which is read {float(coupling.delay):g} s late"
+            what = f"block {component.name}: the {samples} samples of {read},"
+            fix = "a longer step" if network.smallest_step is None else "a longer run.smallest_step"
+            place = component.entry.inputs[port].beside["delay"].place
+            require(COPIES * samples * component.count * size, what, place, fix)
 
 
 def _bytes(component: Component, variable: Variable, continuous: Container[Variable]) -> int:

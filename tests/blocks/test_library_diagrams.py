@@ -67,17 +67,17 @@ def test_the_thermostats_limit_cycle_has_its_closed_form():
 def test_the_sampled_pi_with_a_delay_is_an_exact_recursion():
     """Between samples the plant is linear with constant inputs: T = 0.8 s, gain 2, a delay of 30 ms of 100 ms.
 
-    Order 2: (h / T)^3 / 6 = 3e-7 of the plant's 2 u a step, and 2.4e-5 in its memory, T / h steps.
+    Order 5: (h / T)^6 / 720 = 5e-15 of the plant's 2 u a step, and 4e-13 in its memory, T / h steps.
     """
     run = found("sampled_pi.yaml", "controller.u", "plant.x")
     early, late = math.exp(-0.03 / 0.8), math.exp(-0.07 / 0.8)
     x = i = u = 0.0
     for k in range(50):
         at = round(k * 10)
-        np.testing.assert_allclose(run["plant.x"][at], x, atol=2e-5)
+        np.testing.assert_allclose(run["plant.x"][at], x, atol=2e-12)
         r = 1.0 if k >= 5 else 0.0
         before, u = u, 1.2 * (r - x) + i
         i += 1.5 * 0.1 * (r - x)
-        np.testing.assert_allclose(run["controller.u"][at], u, atol=2e-5)
+        np.testing.assert_allclose(run["controller.u"][at], u, atol=2e-12)
         x = 2 * before + (x - 2 * before) * early
         x = 2 * u + (x - 2 * u) * late

@@ -35,10 +35,11 @@ blocks:
   clock: {type: Clock, period: 0.01}
   slow: {type: Counter, period: 1/7, offset: 0.03, inputs: {u: swing.x}}
   held: {type: Lag, period: 0.05, inputs: {u: "late.x[2]"}}
+  heard: {type: Lag, inputs: {u: {from: held.y, delay: 0.0371}}, start: {u: [0.5, -0.5]}}
   ring: {type: Lag, inputs: {u: back.y}, start: {x: [1, -1]}}
   back: {type: Gain, parameters: {k: -0.5}, inputs: {u: ring.y}}
   mean: {type: Average, inputs: {u: late.y}}
-record: {period: 0.02, signals: [lag.x, late.y, slow.count, held.y, lag.large, mean.number, swing.x]}
+record: {period: 0.02, signals: [lag.x, late.y, slow.count, held.y, heard.y, lag.large, mean.number, swing.x]}
 metrics:
   top: {signal: late.y, reduce: max}
   low: {signal: lag.x, reduce: min, from: 0.5, to: 1.8}
