@@ -11,7 +11,8 @@ from cosim.engine import program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, DiagramErrors, NotExportable, UnknownBlock, WrongValue, nearest
 from cosim.integrators import REFERENCES
-from cosim.wiring import order
+from cosim.wiring import jumps, order
+from cosim.wiring.clocks import Clock, exact
 from cosim.wiring.network import Component, Network, Signal
 
 
@@ -54,7 +55,19 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
         couplings = {port: coupling for port, coupling in component.couplings.items() if port in kept}
         component = replace(component, wires=kept, couplings=couplings, values=values, given=component.given - computed)
         components[name] = _member(component, member - 1) if fleet else component
-    return SubNetwork(_ordered(Network(network.diagram, components)), started)
+    inside = Network(network.diagram, components)
+    jumps.settle(inside)
+    _sample_late(inside)
+    return SubNetwork(_ordered(inside), started)
+
+
+def _sample_late(cut: Network) -> None:
+    """Have importers stop at every step of the diagram's, at which wires that bring something late take samples."""
+    step = Clock(exact(cut.diagram.run.step))
+    for component in cut.components.values():
+        for port, coupling in component.couplings.items():
+            if component.is_late(port):
+                component.couplings[port] = replace(coupling, jumps=(*coupling.jumps, step))
 
 
 def _ordered(cut: Network) -> Network:

@@ -152,6 +152,7 @@ static void guess_again(Instance *i) {
 static Status evaluate(Instance *i) {
     if (i->interface == CO_SIMULATION) guess_again(i);
     const bool sampled = i->interface == CO_SIMULATION || i->at.sampling;
+    i->control[ENGINE_LEFT] = !sampled; /* what a wire brings late jumps at sample instants only */
     const Status status = sampled ? run(i, 0) : execute(i, model.phases[ENGINE_HELD], i->at.time);
     i->at.outputs_stale = status >= ERROR;
     return status;
@@ -358,7 +359,7 @@ Status do_step(Instance *i, double time, double size) {
     double step = size / n;
     if (fabs(step - model.step) <= ROUNDING * model.step) step = model.step;
     if (model.n_clocks && step != model.step)
-        return tell(i, DISCARD, LOG_WARNING, "doStep: sampled blocks need a multiple of %g s, not %g s", model.step, size);
+        return tell(i, DISCARD, LOG_WARNING, "doStep: sampled blocks and delays need a multiple of %g s, not %g s", model.step, size);
     Status status = calculate(i);
     if (status >= ERROR) return status;
     guess_again(i);
