@@ -71,6 +71,7 @@ class Reductions:
             try:
                 monitor.update(samples.times, {key: samples.values[key] for key in monitor.keys})
             except FormulaError as error:
+                error.position = self.network.diagram.requirements[name].begin
                 raise told(name, error) from None
 
     def state(self) -> dict[str, Any]:

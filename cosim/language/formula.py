@@ -29,6 +29,7 @@ from cosim.language.formula_tree import (
     Temporal,
     Term,
     Until,
+    depth,
 )
 
 Tree = Term | Condition
@@ -41,14 +42,36 @@ OVERALL = ("max", "min", "sum", "mean", "norm")
 TEMPORAL = ("always", "eventually")
 WORDS = ("and", "or", "not", "implies", "until", *TEMPORAL)
 COMPARISONS = ("<", "<=", ">", ">=")
-DEEPEST = 100
+EQUALITIES = ("=", "==", "!=")
+NESTED = 30
+"""Levels of parentheses and the like, each of which takes some fifteen calls to read."""
+DEEPEST = 200
 LONGEST = 10_000
+SHOWN = 200
+LONGEST_INDEX = 18
+"""Digits of a number of 64 bits."""
+OTHERWISE = {
+    **{"G": "always", "globally": "always", "F": "eventually", "finally": "eventually", "U": "until"},
+    **{
+        "&": "and",
+        "&&": "and",
+        "|": "or",
+        "||": "or",
+        "!": "not",
+        "~": "not",
+        "->": "implies",
+        "=>": "implies` or `>=",
+    },
+    "^": "**",
+}
+"""What other tools write, and how it is written here."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
     r"|(?P<signal>[^\W\d][\w-]*(?:/[^\W\d][\w-]*)*\.[^\W\d]\w*(?:\.[^\W\d]\w*)*)"
     r"|(?P<word>[^\W\d]\w*)"
-    r"|(?P<sign>\*\*|<=|>=|==|!=|[-+*/()<>\[\],]))"
+    r"|(?P<foreign>->|=>|&&?|\|\|?|!(?!=)|[~^])"
+    r"|(?P<sign>\*\*|<=|>=|==?|!=|[-+*/()<>\[\],]))"
 )
 
 
@@ -88,12 +111,18 @@ class _Words:
                 raise self.refused(
                     f"`{self.text[at]}` has no meaning in a formula", at, "signals, numbers, + - * / ** < > ( )"
                 )
-            yield _Token(found.lastgroup, found[found.lastgroup], found.start(found.lastgroup))
+            token = _Token(found.lastgroup, found[found.lastgroup], found.start(found.lastgroup))
+            if token.kind == "foreign":
+                fix = f"write `{OTHERWISE[token.text]}`"
+                raise self.refused(f"`{token.text}` has no meaning in a formula", token.at, fix)
+            yield token
             end = found.end()
         yield _Token("end", "", size)
 
     def refused(self, message: str, at: int, fix: str = "") -> FormulaError:
-        return FormulaError(f"{message}, in `{self.text.strip()}`", place(self.position, at), fix)
+        text = self.text.strip()
+        shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
+        return FormulaError(f"{message}, in `{shown}`", place(self.position, at), fix)
 
     @property
     def token(self) -> _Token:
@@ -106,10 +135,10 @@ class _Words:
             return self.tokens[self.next - 1]
         return None
 
-    def expect(self, text: str) -> None:
+    def expect(self, text: str, fix: str = "") -> None:
         if not self.took(text):
             found = f"`{self.token.text}`" if self.token.text else "the end"
-            raise self.refused(f"`{text}` is expected instead of {found}", self.token.at)
+            raise self.refused(f"`{text}` is expected instead of {found}", self.token.at, fix)
 
     def index(self) -> tuple[int, ...]:
         if not self.took("["):
@@ -117,9 +146,11 @@ class _Words:
         numbers = []
         while True:
             token = self.token
-            if token.kind != "number" or not token.text.isdigit() or not int(token.text):
+            if token.kind != "number" or not token.text.isdecimal() or not float(token.text):
                 raise self.refused("members and elements are whole numbers from 1", token.at, "such as plant.x[2, 1]")
             self.next += 1
+            if len(token.text) > LONGEST_INDEX:
+                raise self.refused("no signal has so many elements", token.at)
             numbers.append(int(token.text))
             if not self.took(","):
                 break
@@ -146,7 +177,13 @@ class _Words:
         if token.kind != "number" and token.text != "inf":
             raise self.refused("the bounds of a window are numbers, in s", token.at, "such as [0, 5], or [1, inf]")
         self.next += 1
-        return float(token.text)
+        return math.inf if token.text == "inf" else self.number(token)
+
+    def number(self, token: _Token) -> float:
+        value = float(token.text)
+        if math.isinf(value):
+            raise self.refused(f"`{token.text}` is beyond all numbers", token.at)
+        return value
 
 
 class _Parser(_Words):
@@ -158,7 +195,10 @@ class _Parser(_Words):
         tree = self.condition()
         if self.token.kind != "end":
             fix = "write `and` or `or` between two conditions" if self.token.kind != "sign" else ""
+            fix = "put the first of them in parentheses" if self.token.text == "until" else fix
             raise self.refused(f"`{self.token.text}` is one too many", self.token.at, fix)
+        if depth(tree) > DEEPEST:
+            raise self.refused(f"more than {DEEPEST} operations upon one another", 0, "let a block compute some")
         return tree
 
     # ---- conditions ----
@@ -171,7 +211,7 @@ class _Parser(_Words):
         at = self.token.at
         left = self.until()
         if token := self.took("implies"):
-            right = self.as_condition(self.implication(), self.token.at)
+            right = self.as_condition(self.nested(self.implication), self.token.at)
             return Junction(False, (Not(self.as_condition(left, at)), right), token.at)
         return left
 
@@ -209,8 +249,8 @@ class _Parser(_Words):
         at = self.token.at
         left = self.sum()
         found: list[Condition] = []
-        while sign := self.took(*COMPARISONS, "==", "!="):
-            if sign.text in ("==", "!="):
+        while sign := self.took(*COMPARISONS, *EQUALITIES):
+            if sign.text in EQUALITIES:
                 raise self.refused(
                     f"`{sign.text}` has no margin",
                     sign.at,
@@ -257,7 +297,7 @@ class _Parser(_Words):
         token = self.token
         self.next += token.kind != "end"
         if token.kind == "number":
-            return Number(float(token.text))
+            return Number(self.number(token))
         if token.kind == "signal":
             return Mention(token.text, self.index(), token.at)
         if token.text == "(":
@@ -273,7 +313,7 @@ class _Parser(_Words):
         name = token.text
         if name in TEMPORAL:
             start, stop = self.window()
-            self.expect("(")
+            self.expect("(", f"such as {name}(plant.x < 1)")
             begin = self.token.at
             inner = self.as_condition(self.nested(self.implication), begin)
             self.expect(")")
@@ -286,10 +326,9 @@ class _Parser(_Words):
             raise self.refused(
                 f"there is no function `{name}`", token.at, nearest(name, [*TEMPORAL, *ELEMENTWISE, *OVERALL])
             )
-        fix = "write block.port, such as plant.x"
-        raise self.refused(
-            f"`{name}` is no signal", token.at, fix if name not in WORDS else "a condition on both sides"
-        )
+        fix = "write block.port, such as plant.x" if name not in WORDS else "a condition on both sides"
+        fix = f"write `{OTHERWISE[name]}`" if name in OTHERWISE else fix
+        raise self.refused(f"`{name}` is no signal", token.at, fix)
 
     def call(self, token: _Token) -> Operation:
         self.expect("(")
@@ -313,8 +352,8 @@ class _Parser(_Words):
     def nested(self, inner: Callable[[], Tree]) -> Tree:
         """What stands within something else, to a depth that nobody writes."""
         self.depth += 1
-        if self.depth > DEEPEST:
-            raise self.refused(f"more than {DEEPEST} levels of nesting", self.token.at)
+        if self.depth > NESTED:
+            raise self.refused(f"more than {NESTED} levels of nesting", self.token.at, "fewer parentheses")
         found: Tree = inner()
         self.depth -= 1
         return found

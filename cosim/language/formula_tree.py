@@ -117,6 +117,17 @@ def parts(tree: Term | Condition) -> tuple[Term | Condition, ...]:
     return ()
 
 
+def depth(tree: Term | Condition) -> int:
+    """How many operations lie upon one another; those of a row count one by one."""
+    deepest, waiting = 0, [(tree, 0)]
+    while waiting:
+        part, level = waiting.pop()
+        below = parts(part)
+        deepest = max(deepest, level)
+        waiting += [(inner, level + max(len(below) - 1, 1)) for inner in below]
+    return deepest
+
+
 def conditions(tree: Condition) -> tuple[Condition, ...]:
     """The conditions that a condition is made of."""
     match tree:

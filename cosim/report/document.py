@@ -115,7 +115,7 @@ def _section(results: Results, pictures: Pictures) -> str:
         parts += [f"<h3>Beside {origins}</h3>", _table(_beside(results, rows))]
         parts.append(_list(words.differences(study, rows, results.reductions)))
     parts.append(_list([*words.events(rows), *(f"{sentence}." for sentence in running.broken(rows))]))
-    if judged := kept.table(rows):
+    if judged := kept.table(study, rows):
         parts.append(_table(judged))
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]

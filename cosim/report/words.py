@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from cosim.results.formatting import format_value
-from cosim.study.dataset import scalar
+from cosim.study import kept
 from cosim.study.definition import Question, Study, TableColumn
 from cosim.study.member_run import Row
 from cosim.study.running import FAILED
-from cosim.study.text_tables import cell, heading, satisfies, with_statistic
+from cosim.study.text_tables import cell, heading, number, satisfies, with_statistic
 
 AGREES = 0.1
 """Relative difference up to which two figures are called the same."""
@@ -165,7 +165,7 @@ def _contrast(
 
 def _share(variant: str, study: Study, holds: list[bool], wanted: str) -> str:
     count, good = len(holds), sum(holds)
-    low, high = confidence(good, count)
+    low, high = kept.interval(good, count)
     about = study.variants[variant].description
     return (
         f"{variant}{f' ({about})' if about else ''}: {wanted} in {good} of {count} runs, {100 * good / count:.1f} % "
@@ -173,20 +173,10 @@ def _share(variant: str, study: Study, holds: list[bool], wanted: str) -> str:
     )
 
 
-def confidence(good: int, count: int, level: float = 0.95) -> tuple[float, float]:
-    """The interval of Clopper and Pearson for a share."""
-    from scipy.special import betaincinv
-
-    tail = (1 - level) / 2
-    low = float(betaincinv(good, count - good + 1, tail)) if good else 0.0
-    high = float(betaincinv(good + 1, count - good, 1 - tail)) if good < count else 1.0
-    return low, high
-
-
 def _holds(question: Question, row: Row) -> bool:
-    number = scalar(row["metrics"].get(str(question.metric.value)))
-    complete = row["status"] == "completed" and number is not None
-    return complete and bool(satisfies(np.array(number), question.above, question.below))
+    figure = number(row, str(question.metric.value))
+    complete = row["status"] == "completed" and figure is not None
+    return complete and bool(satisfies(np.array(figure), question.above, question.below))
 
 
 def _listed(names: list[str]) -> str:

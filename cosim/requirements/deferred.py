@@ -23,6 +23,7 @@ class Deferred(Judge):
         self.margin = margin
         self._condition, self._margins, self._operators = condition, margins, operators
         self._open = is_open(condition)
+        self._empty = ""
         self._times: list[Array] = []
         self._courses: dict[Condition, list[Array]] = {part: [] for part in margins}
         self._robustness: dict[Condition, Array] = {}  # (*shape, k) of each part, as far as it has a margin
@@ -45,7 +46,12 @@ class Deferred(Judge):
         if not self._is_seen(ended):
             return unknown(self.margin)
         value = self._of(self._condition, self._joined_times())[..., 0]
-        return value, value
+        return unknown(self.margin) if self._empty else (value, value)
+
+    @property
+    def empty(self) -> str:
+        """As of `Judge`."""
+        return self._empty
 
     def _joined_times(self) -> Array:
         self._times = [np.concatenate(self._times)]
@@ -76,7 +82,17 @@ class Deferred(Judge):
                 found = self._until(times, part)
             case _:
                 raise AssertionError(part)
-        return found[..., : self._count(part, times)]
+        found = found[..., : self._count(part, times)]
+        if part.start > 0.0 and np.isinf(found).any():
+            self._look_for_samples(part, times, found.shape[-1])
+        return found
+
+    def _look_for_samples(self, part: Temporal | Until, times: Array, count: int) -> None:
+        """Notice a window between two samples, from one of the first `count` samples on."""
+        first = np.searchsorted(times, (times[:count] + part.start) * (1.0 - NEAR), "left")
+        last = np.searchsorted(times, (times[:count] + part.stop) * (1.0 + NEAR), "right")
+        if (first >= last).any():
+            self._empty = f"[{part.start:g}, {part.stop:g}]"
 
     def _until(self, times: Array, part: Until) -> Array:
         """`right` within the window, and `left` until a time in it or later at which `right` holds, and up to it.

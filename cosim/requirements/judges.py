@@ -44,6 +44,11 @@ class Judge(ABC):
     def decisive(self, element: tuple[int, ...]) -> Moment:
         """What decides the robustness of an element."""
 
+    @property
+    def empty(self) -> str:
+        """A window that has passed between two samples, so that nothing is known of it, in words; mostly none."""
+        return ""
+
     @abstractmethod
     def state(self) -> dict[str, Any]:
         """What it has made of the samples so far: arrays, to the bit."""
@@ -115,10 +120,23 @@ class Extreme(Judge):
 
     def bounds(self, ended: bool) -> Bounds:
         """As of `Judge`."""
+        low, high = unknown(self.margin)
+        if not self._seen:
+            return low, high
         if self._now >= self._stop * (1.0 - NEAR) or (ended and math.isinf(self._stop)):
             return self._extreme, self._extreme
-        low, high = unknown(self.margin)
         return (low, self._extreme) if self._every else (self._extreme, high)
+
+    @property
+    def empty(self) -> str:
+        """As of `Judge`."""
+        passed = self._now >= self._stop * (1.0 - NEAR) and not self._seen
+        return f"[{self._start:g}, {self._stop:g}]" if passed else ""
+
+    @property
+    def _seen(self) -> bool:
+        """Whether there was a sample within the window."""
+        return not np.isnan(self._when).all()
 
     def decisive(self, element: tuple[int, ...]) -> Moment:
         """As of `Judge`."""
@@ -151,6 +169,11 @@ class Opposite(Judge):
     def decisive(self, element: tuple[int, ...]) -> Moment:
         """As of `Judge`."""
         return self._operand.decisive(element)
+
+    @property
+    def empty(self) -> str:
+        """As of `Judge`."""
+        return self._operand.empty
 
     def state(self) -> dict[str, Any]:
         """As of `Judge`."""
@@ -193,6 +216,11 @@ class Together(Judge):
         pick = np.argmin if self._every else np.argmax
         operand = self._operands[int(pick([values[element] for values in of]))]
         return operand.decisive(element[: len(operand.margin.shape)])
+
+    @property
+    def empty(self) -> str:
+        """As of `Judge`."""
+        return next((operand.empty for operand in self._operands if operand.empty), "")
 
     def state(self) -> dict[str, Any]:
         """As of `Judge`."""

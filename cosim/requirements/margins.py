@@ -40,7 +40,7 @@ def margin(condition: Condition, scope: Scope) -> Quantity:
 
 def alike(a: Quantity, b: Quantity) -> tuple[Quantity, Quantity]:
     """Two margins as they are if they have the same unit, else without one: each condition may have its own."""
-    if a.label == b.label:
+    if a.label == b.label and a.unit == b.unit:
         return a, b
     return _bare(a), _bare(b)
 

@@ -14,7 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from cosim.language.formula_tree import Condition, Junction, Not, Temporal, Until, conditions, is_instant, mentions
+from cosim.language.formula_tree import (
+    Condition,
+    Junction,
+    Not,
+    Temporal,
+    Until,
+    conditions,
+    horizon,
+    is_instant,
+    mentions,
+)
 from cosim.requirements.deferred import Deferred
 from cosim.requirements.judges import AtStart, Extreme, Judge, Moment, Opposite, Together
 from cosim.requirements.margins import alike, margin
@@ -28,13 +38,14 @@ class Robustness:
 
     margin: positive where it is kept, in its unit; None where too little has been seen. settled: whether nothing that
     would still come could change it; where it is not, the margin is the least, or the most, that it may be. moment:
-    what decides it.
+    what decides it. reason: why there is no margin.
     """
 
     margin: float | None
     settled: bool
     unit: str
     moment: Moment | None
+    reason: str = ""
 
     @property
     def holds(self) -> bool | None:
@@ -53,6 +64,10 @@ class Monitor:
         named = list(mentions(condition))
         if not named:
             raise scope.refused("the formula names no signal", 0, "write block.port, such as plant.x")
+        if is_instant(condition):
+            fix = "write always(…) or eventually(…); of the begin alone, always[0, 0](…)"
+            raise scope.refused("the formula says nothing of when it has to hold", 0, fix)
+        self._condition = condition
         self.keys: tuple[Any, ...] = tuple(dict.fromkeys(scope.look(m.signal, None).key for m in named))
         self._judge = self._judged(condition)
 
@@ -71,11 +86,18 @@ class Monitor:
         least, most = float(np.min(low)), float(np.min(high))
         settled = bool(least == most)
         if not settled and least <= 0.0 <= most:
-            return Robustness(None, False, self._judge.margin.label, None)
+            return Robustness(None, False, self._judge.margin.label, None, self._why_not(ended))
         decisive = high if settled or most < 0.0 else low
         element = tuple(int(k) for k in np.unravel_index(int(np.argmin(decisive)), decisive.shape))
         found = float(decisive[element])
         return Robustness(found, settled, self._judge.margin.label, self._judge.decisive(element))
+
+    def _why_not(self, ended: bool) -> str:
+        if empty := self._judge.empty:
+            return f"no sample lies within {empty} s"
+        if needed := horizon(self._condition):
+            return f"its windows need {needed:g} s"
+        return "" if ended else "the run did not come to its end"
 
     def state(self) -> dict[str, Any]:
         """What it has made of the samples so far: arrays, to the bit."""

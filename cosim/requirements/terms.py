@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -83,7 +83,7 @@ def quantity(term: Term, scope: Scope) -> Quantity:
                 return reduce(lambda a, b: joined(name, pick, a, b, scope, at), parts)
             if name in _BINARY:
                 return joined(name, _BINARY[name], parts[0], parts[1], scope, at)
-            return _overall(name, parts[0]) if name in _OVERALL else _elementwise(name, parts[0])
+            return _overall(name, parts[0]) if name in _OVERALL else _elementwise(name, parts[0], scope, at)
     raise AssertionError(term)
 
 
@@ -127,6 +127,11 @@ def joined(name: str, function: Any, a: Quantity, b: Quantity, scope: Scope, at:
     if long[: len(short)] != short:
         message = f"`{name}` joins shapes {a.shape} and {b.shape}"
         raise scope.refused(message, at, "take max, min, sum or norm of one, or an element such as plant.x[1]")
+    if other := next(
+        ((one, two) for one, two in zip(a.fleets, b.fleets, strict=False) if one and two and one != two), None
+    ):
+        message = f"`{name}` joins members of {other[0]} with those of {other[1]}"
+        raise scope.refused(message, at, "take max, min or an element of one, such as plant.x[1]")
     left, right = spreader(a.shape, long), spreader(b.shape, long)
     unit, label = _unit(name, a, b, scope, at)
     fleets = a.fleets if a.shape == long else b.fleets
@@ -153,11 +158,13 @@ def _unit(name: str, a: Quantity, b: Quantity, scope: Scope, at: int) -> tuple[B
         if a.unit is None or b.unit is None:
             return None, ""
         return a.unit.times(b.unit, 1 if name == "*" else -1), ""
-    if name in ("**", "atan2"):
+    if name == "**":
         return None, ""
     if a.unit is not None and b.unit is not None and not _same(a.unit, b.unit):
         message = f"`{name}` between {a.label or 'one unit'} and {b.label or 'another'}"
         raise WrongUnit(message, place(scope.position, at), "compare and add what has the same unit")
+    if name == "atan2":
+        return None, ""
     known = a if a.unit is not None else b
     return known.unit, known.label
 
@@ -166,8 +173,11 @@ def _same(a: BaseUnit, b: BaseUnit) -> bool:
     return a.exponents == b.exponents and math.isclose(a.factor, b.factor, rel_tol=1e-12) and a.offset == b.offset
 
 
-def _elementwise(name: str, a: Quantity) -> Quantity:
+def _elementwise(name: str, a: Quantity, scope: Scope, at: int) -> Quantity:
     function = _UNARY[name]
+    if name in _OF_ANGLES and a.unit not in (None, BaseUnit(), units.base("rad")):
+        message = f"`{name}` of {a.label or 'what is no angle'}"
+        raise WrongUnit(message, place(scope.position, at), "it takes radians: multiply by a block, or its FMU's unit")
     kept = name in ("abs", "negative")
     of = a.of
     unit, label = (a.unit, a.label) if kept else (None, "")
@@ -180,7 +190,7 @@ def _overall(name: str, a: Quantity) -> Quantity:
     left = 1 if members else 0
     axes, function, of = tuple(range(1 + left, 1 + len(a.shape))), _OVERALL[name], a.of
     if not axes:
-        return a if name != "norm" else _elementwise("abs", a)
+        return a if name != "norm" else replace(a, of=lambda samples: np.abs(of(samples)))
     return Quantity(a.shape[:left], a.fleets[:left], a.unit, a.label, lambda samples: function(of(samples), axes))
 
 
@@ -210,6 +220,7 @@ _UNARY: dict[str, Any] = {
     "cos": np.cos,
     "tan": np.tan,
 }
+_OF_ANGLES = ("sin", "cos", "tan")
 _OVERALL: dict[str, Any] = {
     "max": lambda samples, axes: np.max(samples, axis=axes),
     "min": lambda samples, axes: np.min(samples, axis=axes),

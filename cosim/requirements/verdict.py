@@ -10,6 +10,9 @@ from cosim.requirements.margins import NO_MARGIN
 from cosim.requirements.monitor import Robustness
 from cosim.results.formatting import format_value
 
+WORDS = {True: "kept", False: "violated", None: "undecided"}
+"""What is said of a requirement that holds, does not, or is not known to."""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -17,6 +20,7 @@ class Verdict:
 
     holds: None where too little was seen. margin: the robustness, positive where it is kept, in `unit`; None as holds.
     settled: whether what was still to come could not have changed the margin. time (s) and where: what decides it.
+    reason: why it is undecided.
     """
 
     name: str
@@ -27,11 +31,12 @@ class Verdict:
     settled: bool
     time: float | None
     where: str
+    reason: str = ""
 
     @property
     def word(self) -> str:
         """One word for it."""
-        return {True: "kept", False: "violated", None: "undecided"}[self.holds]
+        return WORDS[self.holds]
 
     @property
     def margin_text(self) -> str:
@@ -43,9 +48,9 @@ class Verdict:
 
     @property
     def place(self) -> str:
-        """When, and by whom, it is nearest to being violated, or most violated."""
+        """When, and by whom, it is nearest to being violated, or most violated; why it is undecided."""
         if self.time is None:
-            return ""
+            return self.reason
         return f"t = {self.time:g} s{f', {self.where}' if self.where else ''}"
 
     def as_json(self) -> dict[str, Any]:
@@ -66,6 +71,7 @@ def verdict(name: str, formula: str, robustness: Robustness) -> Verdict:
         settled=robustness.settled,
         time=moment.time if moment and not math.isnan(moment.time) else None,
         where=_where(moment.element, moment.fleets) if moment else "",
+        reason=robustness.reason,
     )
 
 

@@ -21,6 +21,8 @@ from cosim.results.result_file import Result
 MOST = float(np.finfo(float).max)
 SPACING_TOLERANCE = 1e-6
 """The part of the time between two samples, or of a step, by which two times may differ and are the same."""
+Judgements = Mapping[str, Mapping[str, Any]]
+"""Verdicts on requirements by their names, as of `Verdict.as_json`."""
 TIME_ULPS = 4
 """Units in the last place by which they may differ too: times are rounded products of rounded steps."""
 ENDINGS = {
@@ -60,7 +62,8 @@ class Comparison:
 
     endings: of both runs. only: the signals that one of the two has alone; shapes, units, types: what both declare for
     signals where that differs; samples: how many times both have; figures: the metrics that differ by more than the
-    tolerance; ends: the times (s) at which they end, None for nowhere, if they do not end together.
+    tolerance; verdicts: the requirements that do, or of which one is kept and the other not; ends: the times (s) at
+    which they end, None for nowhere, if they do not end together.
     """
 
     paths: tuple[Path, Path]
@@ -70,6 +73,8 @@ class Comparison:
     signals: list[str]
     only: tuple[list[str], list[str]]
     figures: list[str]
+    requirements: tuple[Judgements, Judgements] = field(default_factory=lambda: ({}, {}))
+    verdicts: list[str] = field(default_factory=list)
     shapes: dict[str, tuple[Any, Any]] = field(default_factory=dict)
     units: dict[str, tuple[str, str]] = field(default_factory=dict)
     types: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -85,7 +90,8 @@ class Comparison:
         Types of numbers may differ where the numbers do not.
         """
         declared = any(self.only) or self.shapes or self.units
-        return not (self.beyond or self.figures or declared or self.ends or self.ended_differently)
+        figures = self.figures or self.verdicts
+        return not (self.beyond or figures or declared or self.ends or self.ended_differently)
 
     @property
     def same(self) -> bool:
@@ -111,13 +117,16 @@ def compare(first: Path, second: Path, tolerance: float = 1e-6) -> Comparison:
         shared = [name for name in both if name not in shapes]
         metrics = a.attrs.get("metrics", {}), b.attrs.get("metrics", {})
         here, there = _common(a.times, b.times)
-        if not both and not set(metrics[0]) & set(metrics[1]):
+        judged = _judged(a), _judged(b)
+        if not both and not {*metrics[0], *judged[0]} & {*metrics[1], *judged[1]}:
             raise _nothing("signal", first, second)
         if shared and len(a.times) and len(b.times) and not len(here):
             raise _nothing("time", first, second)
         figures = [name for name in dict.fromkeys((*metrics[0], *metrics[1])) if not _both(name, *metrics, tolerance)]
         endings = _ending(a), _ending(b)
-        result = Comparison((first, second), endings, metrics, len(here), shared, (own[0], own[1]), figures, shapes)
+        result = Comparison((first, second), endings, metrics, len(here), shared, (own[0], own[1]), figures)
+        result.requirements, result.shapes = judged, shapes
+        result.verdicts = [n for n in dict.fromkeys((*judged[0], *judged[1])) if not _alike(n, *judged, tolerance)]
         result.ends = _ends(endings, a.times, b.times)
         for name in shared:
             _compare_declared(result, a.signals[name], b.signals[name])
@@ -141,6 +150,18 @@ def _ending(result: Result) -> Ending:
 def _both(name: str, first: Mapping[str, Any], second: Mapping[str, Any], tolerance: float) -> bool:
     """Whether both have a metric, and it is close."""
     return name in first and name in second and _close(first[name], second[name], tolerance)
+
+
+def _judged(result: Result) -> Judgements:
+    return {judged["name"]: judged for judged in result.attrs.get("requirements", [])}
+
+
+def _alike(name: str, first: Judgements, second: Judgements, tolerance: float) -> bool:
+    """Whether both have a requirement, keep it or not, and by a margin that is close."""
+    if name not in first or name not in second:
+        return False
+    one, two = first[name], second[name]
+    return one["holds"] is two["holds"] and _close(one["margin"], two["margin"], tolerance)
 
 
 def _close(a: Any, b: Any, tolerance: float) -> bool:
@@ -314,6 +335,9 @@ def lines(result: Comparison, tolerance: float) -> Iterator[str]:
         yield f"{one} {ends[0]}, {two} {ends[1]}"
     if result.figures:
         yield f"metrics that differ by more than {tolerance:g}: {', '.join(result.figures)}"
+    if result.verdicts:
+        named = ", ".join(result.verdicts)
+        yield f"requirements with another verdict, or a margin that differs by more than {tolerance:g}: {named}"
     yield from _parting(result, tolerance)
 
 

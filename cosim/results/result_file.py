@@ -81,6 +81,18 @@ def read_metrics(path: str | Path, reductions: Mapping[str, str] | None = None) 
     return {name: value for name, value in metrics.items() if before.get(name) == reductions.get(name)}
 
 
+def read_requirements(path: str | Path, formulas: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
+    """The verdicts in a result file by the requirement's name, as of `Verdict.as_json`. Raises: ResultError.
+
+    formulas: by name; then those alone that were of the same one.
+    """
+    with open_result(path) as result:
+        found = {judged["name"]: judged for judged in result.attrs.get("requirements", [])}
+    if formulas is None:
+        return found
+    return {name: judged for name, judged in found.items() if judged["formula"] == formulas.get(name)}
+
+
 def refuse_foreign(path: Path) -> None:
     """Raises: ResultError where something stands that is no result."""
     files.refuse_foreign(path, "a result of a run", is_result)

@@ -24,4 +24,5 @@ def verdict(result: Comparison, tolerance: float) -> str:
     found += [f"{own} signal{'s' if own > 1 else ''} not in both"] if own else []
     found += [f"another {what}: {', '.join(d)}" for what, d in (("shape", result.shapes), ("unit", result.units)) if d]
     found += [f"metrics: {', '.join(result.figures)}"] if result.figures else []
+    found += [f"requirements: {', '.join(result.verdicts)}"] if result.verdicts else []
     return f"differs: {'; '.join(found)}"

@@ -10,6 +10,7 @@ from typing import Any
 from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.results.text_table import TextTable
+from cosim.study.definition import Study
 from cosim.study.member_run import Row
 
 CONFIDENCE = 0.95
@@ -19,8 +20,8 @@ CONFIDENCE = 0.95
 class Tally:
     """One requirement over the runs of a variant.
 
-    alike: whether they differ in what was drawn alone, so that they are trials of one probability. least: the smallest
-    margin, in which run, and where in it.
+    undecided: also of those that did not come to a verdict. alike: whether they differ in what was drawn alone, each by
+    itself, so that they are trials of one probability. least: the smallest margin, in which run, and where in it.
     """
 
     runs: int = 0
@@ -31,37 +32,43 @@ class Tally:
 
     @property
     def share(self) -> tuple[float, float]:
-        """The bounds of the probability of a violation in runs that are drawn alike, by Clopper and Pearson (1934)."""
-        return interval(self.violated, self.runs, CONFIDENCE)
+        """The bounds of the probability of a violation in runs that are drawn alike; undecided ones may be any."""
+        trials = self.runs + self.undecided
+        low, high = interval(self.violated, trials), interval(self.violated + self.undecided, trials)
+        return low[0], high[1]
 
 
-def interval(count: int, trials: int, confidence: float) -> tuple[float, float]:
-    """The bounds of a probability by what was seen in independent trials; never too narrow.
+def interval(count: int, trials: int) -> tuple[float, float]:
+    """The bounds at CONFIDENCE of a probability by what was seen in independent trials; never too narrow.
 
     Clopper and Pearson, The use of confidence or fiducial limits illustrated in the case of the binomial, Biometrika 26
     (1934).
     """
     from scipy.special import betaincinv
 
-    tail = (1.0 - confidence) / 2.0
+    tail = (1.0 - CONFIDENCE) / 2.0
     low = float(betaincinv(count, trials - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, trials - count, 1.0 - tail)) if count < trials else 1.0
     return low, high
 
 
-def tallies(rows: Iterable[Row]) -> dict[tuple[str, str], Tally]:
+def tallies(study: Study, rows: Iterable[Row]) -> dict[tuple[str, str], Tally]:
     """Each requirement over all runs that judge it, by its name and the variant."""
     found: dict[tuple[str, str], Tally] = {}
+    runs: dict[str, int] = {}
+    independent = study.random is not None and study.random.method == "random"  # other draws fill the space evenly
     for row in rows:
+        runs[row["variant"]] = runs.get(row["variant"], 0) + 1
         for name, (holds, place) in row.get("requirements", {}).items():  # rows of earlier versions have none
             tally = found.setdefault((name, row["variant"]), Tally())
             tally.runs += holds is not None
             tally.violated += holds is False
-            tally.undecided += holds is None
-            tally.alike &= row["draw"] is not None and not row["grid"]
+            tally.alike &= independent and row["draw"] is not None and not row["grid"]
             margin = row["metrics"].get(name)
             if margin is not None and float(margin) < tally.least[0]:
                 tally.least = float(margin), row["name"], place
+    for (_, variant), tally in found.items():
+        tally.undecided = runs[variant] - tally.runs
     return found
 
 
@@ -70,7 +77,7 @@ def violated(rows: Iterable[Row]) -> bool:
     return any(holds is False for row in rows for holds, _ in row.get("requirements", {}).values())
 
 
-def as_json(rows: Iterable[Row]) -> list[dict[str, Any]]:
+def as_json(study: Study, rows: Iterable[Row]) -> list[dict[str, Any]]:
     """The tallies as JSON has them; probability: the bounds at CONFIDENCE, where runs are drawn alike."""
     return [
         {
@@ -79,22 +86,22 @@ def as_json(rows: Iterable[Row]) -> list[dict[str, Any]]:
             "runs": tally.runs,
             "violated": tally.violated,
             "undecided": tally.undecided,
-            "probability": tally.share if tally.alike and tally.runs else None,
+            "probability": tally.share if tally.alike else None,
             "least": for_json(dict(zip(("margin", "run", "at"), tally.least, strict=True))) if tally.least[1] else None,
         }
-        for (name, variant), tally in tallies(rows).items()
+        for (name, variant), tally in tallies(study, rows).items()
     ]
 
 
-def table(rows: Iterable[Row]) -> TextTable | None:
+def table(study: Study, rows: Iterable[Row]) -> TextTable | None:
     """A line for each requirement of each variant; None where there are no requirements."""
-    found = tallies(rows)
+    found = tallies(study, rows)
     lines = []
     for (name, variant), tally in found.items():
         low, high = tally.share
         least, run, place = tally.least
         open_ = f", {tally.undecided} undecided" if tally.undecided else ""
-        chance = f"{100 * low:.3g} … {100 * high:.3g} %" if tally.alike and tally.runs else ""
+        chance = f"{100 * low:.3g} … {100 * high:.3g} %" if tally.alike else ""
         margin = format_value(least) if run else ""
         lines.append([variant, name, f"{tally.violated} of {tally.runs}{open_}", chance, margin, place, run])
     head = ["variant", "requirement", "violated", f"probability, {100 * CONFIDENCE:g} %", "least margin", "at", "in"]

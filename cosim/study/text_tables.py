@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cosim.language.source import Node
+from cosim.requirements.margins import NO_MARGIN
 from cosim.results.metrics import REDUCTIONS, reduction
 from cosim.results.text_table import TextTable
 from cosim.study.dataset import metric_names, scalar
@@ -100,13 +101,21 @@ def cell(column: TableColumn, rows: list[Row]) -> float | None:
 
     None if none has it. A NaN among them makes every statistic NaN, as in a run.
     """
-    found = [scalar(row["metrics"].get(str(column.metric.value))) for row in rows]
-    numbers = np.array([number for number in found if number is not None])
+    name = str(column.metric.value)
     if column.above is not None or column.below is not None:
-        return float(satisfies(numbers, column.above, column.below).sum() / len(found))
+        known = [found for row in rows if (found := number(row, name)) is not None]
+        return float(satisfies(np.array(known), column.above, column.below).sum() / len(rows))
+    numbers = np.array([found for row in rows if (found := scalar(row["metrics"].get(name))) is not None])
     if not numbers.size:
         return None
     return _statistic("max" if column.statistic is None else column.statistic, numbers)
+
+
+def number(row: Row, name: str) -> float | None:
+    """A figure of a run, if it has that and it is no array; below zero where a margin of zero is a violation."""
+    found = scalar(row["metrics"].get(name))
+    holds, _ = row.get("requirements", {}).get(name, (None, ""))
+    return -NO_MARGIN if found == 0.0 and holds is False else found
 
 
 def deviation(column: TableColumn, rows: list[Row]) -> float | None:

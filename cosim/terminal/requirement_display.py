@@ -1,15 +1,57 @@
-"""What a person sees of requirements: whether a run keeps them, by how much, and where the margin is smallest."""
+"""What a person sees of requirements: whether runs keep them, by how much, and where the margin is smallest."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from cosim.requirements.verdict import Verdict
+from cosim.requirements.verdict import WORDS, Verdict
+from cosim.results.comparison import Judgements
+from cosim.results.formatting import format_change, format_value
 from cosim.results.text_table import TextTable
-from cosim.terminal import study_display
+from cosim.terminal.screen import figures_table
 
 
-def show(verdicts: Iterable[Verdict]) -> None:
-    """Print a line for each requirement."""
-    rows = [[v.name, v.word, v.margin_text, v.unit, v.place] for v in verdicts]
-    study_display.show(TextTable("", ["requirement", "", "margin", "unit", "smallest at"], rows), numbers=False)
+def show(verdicts: Iterable[Verdict], previous: Judgements | None = None) -> None:
+    """Print a line for each requirement. previous: those of the run before, by name, to be compared with."""
+    before = ["previous", "change"] if previous is not None else []
+    rows = []
+    for v in verdicts:
+        cells = [v.name, v.word, v.margin_text, v.unit]
+        if previous is not None:
+            cells += _beside(v.as_json(), previous)
+        rows.append([*cells, v.place])
+    figures_table(["requirement", "", "margin", "unit", *before, "smallest at"], rows)
+
+
+def _beside(judged: Mapping[str, Any], previous: Judgements) -> list[str]:
+    """What stood there before, and what has changed."""
+    name = judged["name"]
+    if name not in previous:
+        return ["", "new"]
+    return [format_value(previous[name]["margin"]), change(previous[name], judged)]
+
+
+def change(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """What changed from one verdict to another: another word, or another margin."""
+    if first["holds"] is not second["holds"]:
+        return f"{WORDS[first['holds']]} → {WORDS[second['holds']]}"
+    return format_change(second["margin"], {"margin": first["margin"]}, "margin")
+
+
+def table(names: Sequence[str], judged: Sequence[Judgements]) -> TextTable:
+    """The verdicts of several results side by side; of two, what changed from the first to the second."""
+    every = list(dict.fromkeys(name for one in judged for name in one))
+    rows = [[name, *(_cell(one[name]) if name in one else "" for one in judged)] for name in every]
+    if len(names) != 2:
+        return TextTable("", ["requirement", *names], rows)
+    first, second = judged
+    for row in rows:
+        both = row[0] in first and row[0] in second
+        row.append(change(first[row[0]], second[row[0]]) if both else "")
+    return TextTable("", ["requirement", *names, "change"], rows)
+
+
+def _cell(judged: Mapping[str, Any]) -> str:
+    word = WORDS[judged["holds"]]
+    return word if judged["margin"] is None else f"{word} {format_value(judged['margin'])}"

@@ -57,7 +57,6 @@ def metrics_table(
     previous: those of the run before, to be compared with. units, windows: by metric, as text; `str(reduction)` is
     such a window. errors: by metric, by how much it may be off.
     """
-    console = _console(file or sys.stdout)
     columns = ["metric", "value", "unit", *(["previous", "change"] if previous is not None else []), "reduction"]
     rows = []
     for name, value in metrics.items():
@@ -70,6 +69,12 @@ def metrics_table(
             before = _lines(format_value(previous[name])) if name in previous else ""
             cells += [before, format_change(value, previous, name)]
         rows.append([*cells, (windows or {}).get(name, "")])
+    figures_table(columns, rows, file)
+
+
+def figures_table(columns: Sequence[str], rows: Sequence[Sequence[str]], file: IO[str] | None = None) -> None:
+    """Print figures in columns to standard output, or to `file`; what the last column says is broken at its commas."""
+    console = _console(file or sys.stdout)
     table = _table(console, columns, rows)
     if natural_width(table, console) > (line_width(console.file) or UNLIMITED):
         table = _table(console, columns, [[*row[:-1], row[-1].replace(", ", ",\n")] for row in rows])
@@ -80,10 +85,10 @@ def _table(console: Console, columns: Sequence[str], rows: Sequence[Sequence[str
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    styles = {"metric": "bold", "previous": "dim", "reduction": "dim"}
+    styles = {"metric": "bold", "requirement": "bold", "previous": "dim", "reduction": "dim", "smallest at": "dim"}
     table = Table(box=None if _ascii_only(console) else SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for name in columns:
-        right = name in ("value", "previous", "change")
+        right = name in ("value", "margin", "previous", "change")
         table.add_column(name, justify="right" if right else "left", no_wrap=True, style=styles.get(name, ""))
     for row in rows:
         table.add_row(*(_text(console, (cell, "")) for cell in row))

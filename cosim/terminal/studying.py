@@ -15,7 +15,7 @@ from cosim.study import dataset, file_names, kept, running, study_file, table_fi
 from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
-from cosim.terminal.exits import DONE, STOPPED, VIOLATED
+from cosim.terminal.exits import DONE, STOPPED, UNCERTAIN, VIOLATED
 
 REASONS_SHOWN = 5
 
@@ -74,13 +74,13 @@ def _report(results: Results, as_json: bool) -> None:
     if as_json:
         content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.kept_in / "study.nc")}
         content |= {"members": results.total, "ran": results.ran, "seconds": round(results.seconds, 3), **summary}
-        content["requirements"] = kept.as_json(results.rows())
+        content["requirements"] = kept.as_json(results.study, results.rows())
         content["tables"] = {t.title: [t.head, *t.rows] for t in text_tables.tables(results)}
         print(json.dumps(content, ensure_ascii=False))
         return
     for table in text_tables.tables(results):
         study_display.show(table)
-    if judged := kept.table(results.rows()):
+    if judged := kept.table(results.study, results.rows()):
         study_display.show(judged, numbers=False)
     counts = ", ".join(f"{count} {status}" for status, count in summary["counts"].items())
     counts += "" if summary["failed"] else ", none failed"
@@ -105,4 +105,5 @@ def _run_member(study: Any, name: str, folder: Path) -> int:
     print(f"recorded in {running.member_file(folder, chosen)}")
     if row["status"] != "completed":
         return STOPPED
-    return VIOLATED if kept.violated([row]) else DONE
+    judged = [holds for holds, _ in row["requirements"].values()]
+    return VIOLATED if False in judged else UNCERTAIN if None in judged else DONE

@@ -8,6 +8,7 @@ import pytest
 
 from cosim.errors import ResultError
 from cosim.report import document, words
+from cosim.study import kept
 from cosim.terminal.cli import main
 from tests.study.conftest import DIAGRAM, STUDY, written
 
@@ -88,13 +89,13 @@ def test_differences_in_words(ours, theirs, expected):
 
 def test_confidence_is_that_of_clopper_and_pearson():
     # With no failure in n runs the lower bound is (alpha / 2)^(1 / n); the intervals of k and n - k mirror each other.
-    low, high = words.confidence(500, 500)
+    low, high = kept.interval(500, 500)
     assert (low, high) == (pytest.approx(0.025 ** (1 / 500)), 1.0)
-    assert words.confidence(3, 20) == pytest.approx(tuple(1 - p for p in words.confidence(17, 20)[::-1]))
+    assert kept.interval(3, 20) == pytest.approx(tuple(1 - p for p in kept.interval(17, 20)[::-1]))
     # Binomial tails at the bounds are 2.5 % each.
     from math import comb
 
-    low, high = words.confidence(3, 20)
+    low, high = kept.interval(3, 20)
     assert sum(comb(20, k) * low**k * (1 - low) ** (20 - k) for k in range(3, 21)) == pytest.approx(0.025)
     assert sum(comb(20, k) * high**k * (1 - high) ** (20 - k) for k in range(4)) == pytest.approx(0.025)
 

@@ -14,7 +14,7 @@ from cosim.results.diagram_differences import Difference
 from cosim.results.metrics import for_json
 from cosim.results.result_file import open_result
 from cosim.results.verdicts import verdict
-from cosim.terminal import comparing, study_display
+from cosim.terminal import comparing, requirement_display, study_display
 from cosim.terminal.exits import DIFFERENT, DONE
 from cosim.terminal.screen import say
 
@@ -38,6 +38,7 @@ def run(options: argparse.Namespace) -> int:
     names = result_names.names(paths)
     unread, found = _differences(paths, names)
     metrics = [pairs[0].metrics[0], *(pair.metrics[1] for pair in pairs)]
+    judged = [pairs[0].requirements[0], *(pair.requirements[1] for pair in pairs)]
     if options.json:
         content = _pair(pairs[0]) if len(pairs) == 1 else _several(pairs)
         content["differences"] = {item.key: list(item.values) for item in found}
@@ -46,6 +47,8 @@ def run(options: argparse.Namespace) -> int:
         say(latex_tables.latex(comparing.metrics_table(names, metrics)))
     else:
         study_display.show(comparing.metrics_table(names, metrics))
+        if any(judged):
+            study_display.show(requirement_display.table(names, judged))
         print()
         comparing.show_differences([name for name in names if name not in unread], unread, found)
         print()
@@ -91,6 +94,8 @@ def _pair(result: Comparison) -> dict[str, Any]:
         "types": result.types,
         "ends": result.ends,
         "figures": result.figures,
+        "requirements": list(result.requirements),
+        "verdicts": result.verdicts,
     }
 
 

@@ -55,9 +55,7 @@ def run(options: argparse.Namespace) -> int:
         files.require_ending(options.csv, "a table", "csv")
     run = Run(network, options.engine, output, options.began, checkpoint=options.checkpoint, resume=options.resume)
     before = previous_path(output) if options.resume else output
-    previous = (
-        result_file.read_metrics(before, run.reductions.meanings) if before.exists() and before.stat().st_size else None
-    )
+    previous = _previous(before, run) if before.exists() and before.stat().st_size else None
     certify = _certifier(run, options)
     try:
         with screen.Progress(network.diagram.run.stop, resumed=options.resume) as progress:
@@ -74,6 +72,13 @@ def run(options: argparse.Namespace) -> int:
     _write_csv(output, options)
     uncertain = options.error and (certificate is None or certificate.changing)
     return _exit_code(outcome) or (UNCERTAIN if uncertain or outcome.kept is None else DONE)
+
+
+def _previous(path: Path, run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The metrics and the verdicts of the run before that were of the same."""
+    formulas = {name: entry.text for name, entry in run.network.diagram.requirements.items()}
+    metrics = result_file.read_metrics(path, run.reductions.meanings)
+    return metrics, result_file.read_requirements(path, formulas)
 
 
 def _tell_end(ended: NothingToResume, output: Path, options: argparse.Namespace) -> int:
@@ -112,13 +117,16 @@ def _exit_code(outcome: Outcome) -> int:
     return VIOLATED if outcome.kept is False else DONE
 
 
-def _report(outcome: Outcome, previous: dict[str, Any] | None, certificate: Certificate | None) -> None:
+def _report(
+    outcome: Outcome, previous: tuple[dict[str, Any], dict[str, Any]] | None, certificate: Certificate | None
+) -> None:
+    metrics, judged = previous or (None, None)
     errors = {name: accuracy.error for name, accuracy in certificate.metrics.items()} if certificate else None
     if outcome.metrics:
-        screen.metrics_table(outcome.metrics, previous, outcome.units, outcome.windows, errors=errors)
+        screen.metrics_table(outcome.metrics, metrics, outcome.units, outcome.windows, errors=errors)
     if outcome.requirements:
-        print()
-        requirement_display.show(outcome.requirements.values())
+        print(end="\n" if outcome.metrics else "")
+        requirement_display.show(outcome.requirements.values(), judged)
     if certificate:
         from cosim.terminal import accuracy_display
 
