@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cosim.language.formula_tree import Condition, Junction, Not, Temporal, Until, conditions, horizon
+from cosim.requirements.gaps import gap, gaps
 from cosim.requirements.judges import NEAR, Bounds, Judge, Moment, course, unknown
 from cosim.requirements.operators import Operators
 from cosim.requirements.terms import Array, Quantity, Samples
@@ -24,6 +25,7 @@ class Deferred(Judge):
         self._condition, self._margins, self._operators = condition, margins, operators
         self._open = is_open(condition)
         self._empty = ""
+        self._gaps: dict[Condition, Array] = {}
         self._times: list[Array] = []
         self._courses: dict[Condition, list[Array]] = {part: [] for part in margins}
         self._robustness: dict[Condition, Array] = {}  # (*shape, k) of each part, as far as it has a margin
@@ -45,7 +47,9 @@ class Deferred(Judge):
         """As of `Judge`."""
         if not self._is_seen(ended):
             return unknown(self.margin)
-        value = self._of(self._condition, self._joined_times())[..., 0]
+        times = self._joined_times()
+        value = self._of(self._condition, times)[..., 0]
+        self._empty = gap(self._condition, self._gaps, times) if self._gaps else ""
         return unknown(self.margin) if self._empty else (value, value)
 
     @property
@@ -84,15 +88,8 @@ class Deferred(Judge):
                 raise AssertionError(part)
         found = found[..., : self._count(part, times)]
         if part.start > 0.0 and np.isinf(found).any():
-            self._look_for_samples(part, times, found.shape[-1])
+            self._gaps[part] = gaps(times, part, found.shape[-1])
         return found
-
-    def _look_for_samples(self, part: Temporal | Until, times: Array, count: int) -> None:
-        """Notice a window between two samples, from one of the first `count` samples on."""
-        first = np.searchsorted(times, (times[:count] + part.start) * (1.0 - NEAR), "left")
-        last = np.searchsorted(times, (times[:count] + part.stop) * (1.0 + NEAR), "right")
-        if (first >= last).any():
-            self._empty = f"[{part.start:g}, {part.stop:g}]"
 
     def _until(self, times: Array, part: Until) -> Array:
         """`right` within the window, and `left` until a time in it or later at which `right` holds, and up to it.
