@@ -13,16 +13,14 @@ from cosim.master import tables
 from cosim.wiring.network import Signal
 
 BUFFER_BYTES = 4_000_000
-MOST_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True)
 class Probes:
-    """Signals that are copied out together every so many ticks; most: how many samples a batch may have."""
+    """Signals that are copied out together every so many ticks."""
 
     signals: tuple[Signal, ...]
     every: int = 1
-    most: int = MOST_SAMPLES
 
 
 @dataclass
@@ -73,7 +71,7 @@ class Buffers:
             begin = len(rows)
             columns, width = _columns(program, arena, group.signals)
             rows += [[program.places[c.signal].offset, c.words.stop - c.words.start] for c in columns]
-            capacity = max(1, min(BUFFER_BYTES // (8 * width), ticks // group.every + 1, group.most))
+            capacity = max(1, min(BUFFER_BYTES // (8 * width), ticks // group.every + 1))
             buffer = words(capacity + 1, width)  # an event that ends the run may come in between
             self.arrays.append(buffer)
             self._columns.append(columns)

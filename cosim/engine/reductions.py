@@ -30,6 +30,8 @@ class Reductions:
         self.network = network
         self.metrics, self.warnings = windows.reduced(network)
         self.monitors = required.monitors(network, native)
+        self.enders = {name for name, entry in network.diagram.requirements.items() if entry.ends}
+        self.violated: Verdict | None = None  # of these
         self._events = _events(network)
         self._courses = _courses(network)
 
@@ -120,13 +122,12 @@ class Reductions:
         texts = self.network.diagram.requirements
         return {name: verdict(name, texts[name].text, m.robustness(ended)) for name, m in self.monitors.items()}
 
-    def ending(self) -> Verdict | None:
-        """A violated requirement that ends the run."""
-        for name, monitor in self.monitors.items():
-            entry = self.network.diagram.requirements[name]
-            if entry.ends and (found := monitor.robustness(False)).holds is False:
-                return verdict(name, entry.text, found)
-        return None
+    def ends(self) -> bool:
+        """Whether a requirement is `violated` that ends the run."""
+        if self.enders:
+            judged = self.verdicts(False)
+            self.violated = next((judged[name] for name in sorted(self.enders) if judged[name].holds is False), None)
+        return self.violated is not None
 
     def conditions(self) -> list[Finding]:
         """The conditions along the run so far; none if it has seen nothing."""

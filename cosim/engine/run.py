@@ -13,7 +13,7 @@ from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program, recording, stability, step_counts
 from cosim.engine.checkpoints import MARK, Checkpoints
 from cosim.engine.outcome import Outcome
-from cosim.engine.probes import MOST_SAMPLES, Probes
+from cosim.engine.probes import Probes
 from cosim.engine.program import Program
 from cosim.engine.recording import Kept
 from cosim.engine.reductions import Reductions
@@ -36,8 +36,8 @@ from cosim.wiring import conditions, resolution
 from cosim.wiring.network import Finding, Network
 
 FLUSH_SECONDS = 1.0
-SAMPLES_BEFORE_END = 100
-"""How many samples may come before a violation is seen that ends the run."""
+STEPS_BEFORE_END = 100
+"""After whose multiples a violation is looked for that ends the run: at the same time whatever the machine's speed."""
 ENGINES = ("native", "python")
 
 
@@ -93,7 +93,6 @@ class Run:
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self.samples = Kept(network, _probes(self.network, self.reductions)[1]) if kept else None
         self._executed = False
-        self._violated: Verdict | None = None
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
     @cached_property
@@ -108,9 +107,10 @@ class Run:
         if self.engine == "native":
             kernels.load()
         compiled = clock.perf_counter()
-        made = Simulation(
-            self._program, kernels if self.engine == "native" else None, _probes(self.network, self.reductions)
-        )
+        native = kernels if self.engine == "native" else None
+        made = Simulation(self._program, native, _probes(self.network, self.reductions))
+        if self.reductions.enders:
+            made.looks_at = STEPS_BEFORE_END * self.network.schedule.grid
         self.seconds["compile"] = compiled - began
         self.seconds["setup"] += clock.perf_counter() - compiled
         return made
@@ -160,7 +160,7 @@ class Run:
         if status == "completed" and wrong:
             status, error = "failed", wrong
         outcome = self._outcome(status, error, figures)
-        outcome.termination = _end_of(self._violated) or self.simulation.termination
+        outcome.termination = _end_of(self.reductions.violated) or self.simulation.termination
         outcome.warnings += self.simulation.warnings()
         outcome.signal = interrupted.number or outcome.signal
         if writer:
@@ -198,8 +198,7 @@ class Run:
                     self.checkpoints.follow(self.simulation, self.reductions, writer, interrupted.wanted)
                 aside += clock.perf_counter() - resumed
                 interrupted.raise_if_wanted()
-                self._violated = self.reductions.ending()
-                if self._violated:
+                if not self.simulation.done % self.simulation.looks_at and self.reductions.ends():
                     break
             self.simulation.close()
         except BaseException:
@@ -248,7 +247,7 @@ class Run:
             signal=signal,
             warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse],
             conditions=judged,
-            requirements=self.reductions.verdicts(status == "completed" and not self._violated),
+            requirements=self.reductions.verdicts(status == "completed" and not self.reductions.violated),
             units=self.reductions.units,
             windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
@@ -260,9 +259,7 @@ def _probes(network: Network, reductions: Reductions) -> list[Probes]:
     """What is reduced is seen at every step, what is recorded at the recording's period."""
     record, grid = network.diagram.record, network.schedule.grid
     every = grid * round(record.period / network.diagram.run.step) if record else grid
-    ends = any(requirement.ends for requirement in network.diagram.requirements.values())
-    most = SAMPLES_BEFORE_END if ends else MOST_SAMPLES
-    return [Probes(reductions.signals, grid, most), Probes(network.recorded, every)]
+    return [Probes(reductions.signals, grid), Probes(network.recorded, every)]
 
 
 def _end_of(violated: Verdict | None) -> CosimError | None:

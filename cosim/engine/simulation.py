@@ -50,7 +50,7 @@ class Simulation:
         self.control = self._words(tables.CONTROL_WORDS)
         self.breakable: Callable[[], AbstractContextManager[None]] = nullcontext  # put around what is interpreted
         self.termination: Terminated | None = None
-        self.rests_at = LARGEST_BATCH  # ticks: a batch goes no further than their next multiple
+        self.rests_at = self.looks_at = LARGEST_BATCH  # ticks: a batch goes no further than the next multiple of both
         self.resting = False  # whether what is known is that of a communication point which is still ahead
         self._interpreted = kernels is None and not self._forked
         self._initialized = False
@@ -167,7 +167,7 @@ class Simulation:
         finished = False
         while not finished:
             before = self.done
-            last = min(before + size, self.ticks, (before // self.rests_at + 1) * self.rests_at)
+            last = min(before + size, self.ticks, *((before // n + 1) * n for n in (self.rests_at, self.looks_at)))
             self.control[tables.LAST], self.control[tables.FINAL] = last, last == self.ticks
             self.control[tables.STOP] = 0
             began = clock.perf_counter()

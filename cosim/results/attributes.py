@@ -92,4 +92,6 @@ def _read(key: str, value: Any) -> Any:
     found = json.loads(value)
     if key in ("metrics", "reductions") and not isinstance(found, dict):
         raise ValueError(f"its {key} are damaged")
+    if key == "requirements":
+        return [{**judged, "margin": from_json(judged["margin"])} for judged in found]
     return from_json(found) if key == "metrics" else found
