@@ -112,10 +112,10 @@ def cell(column: TableColumn, rows: list[Row]) -> float | None:
 
 
 def number(row: Row, name: str) -> float | None:
-    """A figure of a run, if it has that and it is no array; below zero where a margin of zero is a violation."""
+    """A figure of a run, if it has that and it is no array; a margin of zero is on the side that its verdict says."""
     found = scalar(row["metrics"].get(name))
     holds, _ = row.get("requirements", {}).get(name, (None, ""))
-    return -NO_MARGIN if found == 0.0 and holds is False else found
+    return (NO_MARGIN if holds else -NO_MARGIN) if found == 0.0 and holds is not None else found
 
 
 def deviation(column: TableColumn, rows: list[Row]) -> float | None:
