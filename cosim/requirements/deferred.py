@@ -14,6 +14,9 @@ from cosim.requirements.judges import NEAR, Bounds, Judge, Moment, course, unkno
 from cosim.requirements.operators import Operators
 from cosim.requirements.terms import Array, Quantity, Samples
 
+WORK = 4
+"""Courses that an operator has beside those that it is of, and its own."""
+
 
 class Deferred(Judge):
     """margin: of the whole; margins: of each part that is of one instant."""
@@ -24,6 +27,8 @@ class Deferred(Judge):
         self.margin = margin
         self._condition, self._margins, self._operators = condition, margins, operators
         self._open = is_open(condition)
+        kept = 1 + sum(math.prod(one.shape) for one in margins.values())
+        self.words = kept + (windows(condition) + WORK) * math.prod(margin.shape)
         self._empty = ""
         self._gaps: dict[Condition, Array] = {}
         self._times: list[Array] = []
@@ -179,6 +184,11 @@ class Deferred(Judge):
         if "times" in state:
             self._times = [state["times"]]
             self._courses = {part: [state["courses"][str(k)]] for k, part in enumerate(self._margins)}
+
+
+def windows(condition: Condition) -> int:
+    """How many temporal operators a condition has."""
+    return isinstance(condition, Temporal | Until) + sum(windows(part) for part in conditions(condition))
 
 
 def is_open(condition: Condition) -> bool:

@@ -28,9 +28,13 @@ class Moment:
 
 
 class Judge(ABC):
-    """A condition from the run's begin; margin: its shape, fleets and unit."""
+    """A condition from the run's begin.
+
+    margin: its shape, fleets and unit. words: the numbers that it takes for each sample of the run, at most, about.
+    """
 
     margin: Quantity
+    words = 0
 
     @abstractmethod
     def update(self, times: Array, samples: Samples) -> None:
@@ -156,6 +160,7 @@ class Opposite(Judge):
 
     def __init__(self, operand: Judge) -> None:
         self.margin, self._operand = operand.margin, operand
+        self.words = operand.words
 
     def update(self, times: Array, samples: Samples) -> None:
         """As of `Judge`."""
@@ -189,6 +194,7 @@ class Together(Judge):
 
     def __init__(self, margin: Quantity, every: bool, operands: Sequence[Judge]) -> None:
         self.margin, self._every, self._operands = margin, every, operands
+        self.words = sum(operand.words for operand in operands)
         self._ended = False
 
     def update(self, times: Array, samples: Samples) -> None:

@@ -76,6 +76,11 @@ class Monitor:
         """The unit of its margin, "" where that is not known."""
         return self._judge.margin.label
 
+    @property
+    def words(self) -> int:
+        """The numbers that it takes for each sample of the run, at most, about; 0 where it keeps no samples."""
+        return self._judge.words
+
     def update(self, times: Array, samples: Samples) -> None:
         """Take a batch: times (k,) in s, rising, and samples (k, *shape) of `keys`."""
         self._judge.update(times, samples)

@@ -7,6 +7,7 @@ from cosim.language.formula_tree import horizon
 from cosim.language.requirement import RequirementEntry, told
 from cosim.requirements.monitor import Monitor
 from cosim.requirements.terms import Look, Scope, Seen
+from cosim.wiring import sizes
 from cosim.wiring.network import Network
 
 BEYOND = 1e-9  # of a time: as near as that, a window ends with the run
@@ -28,13 +29,16 @@ def monitors(network: Network, native: bool = True) -> dict[str, Monitor]:
 
 
 def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
-    """The monitor of one requirement. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit."""
+    """The monitor of one requirement. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit, TooLarge."""
     made = Monitor(entry.condition, Scope(_look(network, entry), entry.begin), native)
     run = network.diagram.run
     needed, stop = horizon(entry.condition), run.stop
     if needed > stop * (1.0 + BEYOND) and run.nodes["stop"].position.line:  # not shortened from outside
         message = f"its windows need {needed:g} s, and the run lasts {stop:g} s"
         raise FormulaError(message, entry.begin, "windows within the run, or a longer run")
+    samples = round(run.stop / run.step)
+    fix = "a single window, of which no samples are kept, or an element of the signal"
+    sizes.require(8 * made.words * samples, f"{samples} samples of it", entry.begin, fix)
     return made
 
 

@@ -377,6 +377,7 @@ MISTAKES = {
     "always(lag.x[1, 1, 1] < 1)": "has 2 axes, not 3",
     "always(lag.x[1] < lag.large)": "is true or false",
     "always(lag.x[1] < norm(lag.x))": "joins shapes",
+    "(" * 400 + "lag.large" + ")" * 400: "levels of nesting",
 }
 
 
@@ -393,6 +394,13 @@ def test_every_mistake_is_told_at_once_beside_those_of_the_diagram(cosim, write)
     )
     code, _, err = cosim("check", write(text.replace("w: 2", "ww: 2").replace("stop: 5", "stop: never")))
     assert code == 2 and err.count("error:") == 7, err
+
+
+def test_a_run_whose_samples_do_not_fit_into_memory_is_refused(cosim, write):
+    formulas = "always(eventually[0, 1](swing.x > 0))", "always(swing.x < 2)"  # of the second no sample is kept
+    code, _, err = cosim("check", write(requiring(*formulas)), "--set", "run.stop=1e12")
+    assert code == 2 and err.count("error:") == 1
+    assert "requirement r0: 100000000000000 samples of it need" in err and "of memory" in err
 
 
 def test_a_name_is_of_a_metric_or_a_requirement(cosim, write):
