@@ -22,10 +22,10 @@ class Deferred(Judge):
     """margin: of the whole; margins: of each part that is of one instant."""
 
     def __init__(
-        self, condition: Condition, margin: Quantity, margins: Mapping[Condition, Quantity], operators: Operators
+        self, condition: Condition, margin: Quantity, margins: Mapping[Condition, Quantity], native: bool
     ) -> None:
         self.margin = margin
-        self._condition, self._margins, self._operators = condition, margins, operators
+        self._condition, self._margins, self._native = condition, margins, native
         self._open = is_open(condition)
         kept = 1 + sum(math.prod(one.shape) for one in margins.values())
         self.words = kept + (windows(condition) + WORK) * math.prod(margin.shape)
@@ -53,7 +53,7 @@ class Deferred(Judge):
         if not self._is_seen(ended):
             return unknown(self.margin)
         times = self._joined_times()
-        value = self._of(self._condition, times)[..., 0]
+        value = self._of(self._condition, times, Operators(self._native, times))[..., 0]
         self._empty = gap(self._condition, self._gaps, times) if self._gaps else ""
         return unknown(self.margin) if self._empty else (value, value)
 
@@ -66,29 +66,28 @@ class Deferred(Judge):
         self._times = [np.concatenate(self._times)]
         return self._times[0]
 
-    def _of(self, part: Condition, times: Array) -> Array:
+    def _of(self, part: Condition, times: Array, operators: Operators) -> Array:
         """The robustness (*shape, k) of a part at the first samples, as many as have one."""
         if part not in self._robustness:
-            self._robustness[part] = self._computed(part, times)
+            self._robustness[part] = self._computed(part, times, operators)
         return self._robustness[part]
 
-    def _computed(self, part: Condition, times: Array) -> Array:
+    def _computed(self, part: Condition, times: Array, operators: Operators) -> Array:
         if part in self._margins:
             self._courses[part] = [np.concatenate(self._courses[part], axis=-1)]
             return self._courses[part][0]
         match part:
             case Not(operand):
-                return -self._of(operand, times)
+                return -self._of(operand, times, operators)
             case Junction(every, operands):
                 pick: Any = np.minimum if every else np.maximum
-                joined: Array = pick.reduce(self._alike([self._of(o, times) for o in operands]))
+                joined: Array = pick.reduce(self._alike([self._of(o, times, operators) for o in operands]))
                 return joined
             case Temporal(every, start, stop, operand):
-                inner = self._of(operand, times)
-                moving = self._operators.lowest if every else self._operators.highest
-                found = moving(times[: inner.shape[-1]], inner, start, stop)
+                moving = operators.lowest if every else operators.highest
+                found = moving(self._of(operand, times, operators), start, stop)
             case Until():
-                found = self._until(times, part)
+                found = self._until(part, times, operators)
             case _:
                 raise AssertionError(part)
         found = found[..., : self._count(part, times)]
@@ -96,19 +95,19 @@ class Deferred(Judge):
             self._gaps[part] = gaps(times, part, found.shape[-1])
         return found
 
-    def _until(self, times: Array, part: Until) -> Array:
+    def _until(self, part: Until, times: Array, operators: Operators) -> Array:
         """`right` within the window, and `left` until a time in it or later at which `right` holds, and up to it.
 
         Donzé, Ferrère and Maler, Efficient robust monitoring for STL, CAV 2013, lemma 1.
         """
-        left, right = self._alike([self._of(part.left, times), self._of(part.right, times)])
+        left, right = self._alike([self._of(one, times, operators) for one in (part.left, part.right)])
         times = times[: left.shape[-1]]
         begin = np.searchsorted(times, (times + part.start) * (1.0 - NEAR), "left")
-        later = self._operators.until(times, left, right)
+        later = operators.until(left, right)
         after = np.where(begin < len(times), later[..., np.minimum(begin, len(times) - 1)], -math.inf)
         if part.start > 0.0:
-            after = np.minimum(after, self._operators.before(times, left, part.start))
-        found: Array = np.minimum(self._operators.highest(times, right, part.start, part.stop), after)
+            after = np.minimum(after, operators.before(left, part.start))
+        found: Array = np.minimum(operators.highest(right, part.start, part.stop), after)
         return found
 
     def _count(self, part: Condition, times: Array) -> int:

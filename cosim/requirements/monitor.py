@@ -28,7 +28,6 @@ from cosim.language.formula_tree import (
 from cosim.requirements.deferred import Deferred
 from cosim.requirements.judges import AtStart, Extreme, Judge, Moment, Opposite, Together
 from cosim.requirements.margins import alike, margin
-from cosim.requirements.operators import Operators
 from cosim.requirements.terms import Array, Quantity, Samples, Scope, joined
 
 
@@ -60,7 +59,7 @@ class Monitor:
     """
 
     def __init__(self, condition: Condition, scope: Scope, native: bool = True) -> None:
-        self._scope, self._operators = scope, Operators(native)
+        self._scope, self._native = scope, native
         named = list(mentions(condition))
         if not named:
             raise scope.refused("the formula names no signal", 0, "write block.port, such as plant.x")
@@ -127,7 +126,7 @@ class Monitor:
                 return Extreme(margin(operand, self._scope), every, start, stop)
         margins = {part: margin(part, self._scope) for part in _instants(condition)}
         at = condition.at if isinstance(condition, Temporal | Until) else 0
-        return Deferred(condition, self._of_all(list(margins.values()), at), margins, self._operators)
+        return Deferred(condition, self._of_all(list(margins.values()), at), margins, self._native)
 
     def _of_all(self, margins: list[Quantity], at: int) -> Quantity:
         """The shape and the unit of several margins together. Raises: FormulaError for shapes that do not fit."""

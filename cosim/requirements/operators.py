@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable
 from functools import cache
 from threading import Lock
@@ -13,52 +14,77 @@ from cosim.requirements import extrema
 from cosim.requirements.terms import Array
 
 Kernel = Callable[[float, int, int], int]
+EVEN = 1e-6
+"""The part of a step by which steps may differ and are the same."""
 _PROTOTYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_int64, ctypes.c_int64)
 
 
 class Operators:
-    """Operators on courses (*shape, k) over times (k,) in s. native: whether by compiled code."""
+    """Operators on courses (*shape, k) over the first k of all times in s. native: whether by compiled code."""
 
-    def __init__(self, native: bool) -> None:
+    def __init__(self, native: bool, times: Array) -> None:
         self._kernel: Callable[[str], Kernel] = _native if native else _interpreted
+        self._times = np.ascontiguousarray(times, np.float64)
+        steps = self._times[1:] - self._times[:-1]
+        self._even = len(steps) > 0 and bool(np.max(steps) - np.min(steps) <= EVEN * steps[0])
 
-    def lowest(self, times: Array, course: Array, start: float, stop: float) -> Array:
+    def lowest(self, course: Array, start: float, stop: float) -> Array:
         """The lowest within [start, stop] (s) from each sample on; infinite where there is no sample."""
+        times = self._times[: course.shape[-1]]
         if start == 0.0 and stop >= times[-1] - times[0]:
             return np.minimum.accumulate(course[..., ::-1], axis=-1)[..., ::-1]
-        return self._call("lowest", times, course, course, start, stop)
+        return self._call("lowest", course, course, start, stop)
 
-    def before(self, times: Array, course: Array, stop: float) -> Array:
+    def before(self, course: Array, stop: float) -> Array:
         """The lowest within [0, stop) (s) from each sample on; infinite where there is no sample."""
-        return self._call("lowest", times, course, course, 0.0, stop, without_end=True)
+        return self._call("lowest", course, course, 0.0, stop, without_end=True)
 
-    def highest(self, times: Array, course: Array, start: float, stop: float) -> Array:
+    def highest(self, course: Array, start: float, stop: float) -> Array:
         """As `lowest`, the highest."""
-        return -self.lowest(times, -course, start, stop)
+        return -self.lowest(-course, start, stop)
 
-    def until(self, times: Array, left: Array, right: Array) -> Array:
+    def until(self, left: Array, right: Array) -> Array:
         """From each sample on: the highest, over later samples, of `right` there and the lowest `left` before it."""
-        return self._call("until", times, left, right, 0.0, 0.0)
+        return self._call("until", left, right, 0.0, 0.0)
 
     def _call(
-        self, name: str, times: Array, left: Array, right: Array, start: float, stop: float, without_end: bool = False
+        self, name: str, left: Array, right: Array, start: float, stop: float, without_end: bool = False
     ) -> Array:
-        times, left, right = (np.ascontiguousarray(a, np.float64) for a in (times, left, right))
-        result, queue = np.empty_like(left), np.empty(times.size + 1, np.int64)
+        left, right = np.ascontiguousarray(left, np.float64), np.ascontiguousarray(right, np.float64)
+        times, size = self._times, left.shape[-1]
+        result, work = np.empty_like(left), np.empty(size + 1, np.int64)
         frame = np.zeros(extrema.FRAME_WORDS, np.int64)
         frame[extrema.COLUMNS : extrema.START] = (
-            left.size // times.size,
-            times.size,
+            left.size // size,
+            size,
             times.ctypes.data,
             left.ctypes.data,
             right.ctypes.data,
             result.ctypes.data,
-            queue.ctypes.data,
+            work.ctypes.data,
             without_end,
+            *self._window(size, start, stop, without_end),
         )
         frame.view(np.float64)[extrema.START : extrema.STOP + 1] = start, stop
         self._kernel(name)(0.0, 0, frame.ctypes.data)
         return result
+
+    def _window(self, size: int, start: float, stop: float, without_end: bool) -> tuple[int, int]:
+        """A window's first sample from now on, and how many it has, if that is the same from all samples on; else 0."""
+        if not self._even or stop <= 0.0 or math.isinf(stop):
+            return 0, 0
+        first, end = self._bounds(0, size, start, stop, without_end)
+        last = size - end  # the last sample from which on a window is whole
+        if last < 0 or (first, end) != self._bounds(last, size, start, stop, without_end):
+            return 0, 0  # they part, if they do, by a share of the time, which grows: so they part at the end
+        return first, max(end - first, 0)
+
+    def _bounds(self, at: int, size: int, start: float, stop: float, without_end: bool) -> tuple[int, int]:
+        """The first sample of a window from a sample on, and the one behind its last, counted from that sample."""
+        times, now = self._times[:size], self._times[at]
+        near = -extrema.NEAR if without_end else extrema.NEAR
+        first = int(times.searchsorted((now + start) * (1.0 - extrema.NEAR), "left"))
+        return first - at, int(times.searchsorted((now + stop) * (1.0 + near), "right")) - at
 
 
 def _interpreted(name: str) -> Kernel:

@@ -227,11 +227,11 @@ barrier, found = Barrier(8), []
 times, values = np.arange(50.0), np.sin(np.arange(50.0))
 def compute():
     barrier.wait()
-    found.append(Operators(True).lowest(times, values, 1.0, 5.0).tobytes())
+    found.append(Operators(True, times).lowest(values, 1.0, 5.0).tobytes())
 threads = [Thread(target=compute) for _ in range(8)]
 [thread.start() for thread in threads]
 [thread.join() for thread in threads]
-assert set(found) == {Operators(False).lowest(times, values, 1.0, 5.0).tobytes()} and len(found) == 8
+assert set(found) == {Operators(False, times).lowest(values, 1.0, 5.0).tobytes()} and len(found) == 8
 """
 
 
