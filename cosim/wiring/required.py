@@ -36,9 +36,8 @@ def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
     if needed > stop * (1.0 + BEYOND) and run.nodes["stop"].position.line:  # not shortened from outside
         message = f"its windows need {needed:g} s, and the run lasts {stop:g} s"
         raise FormulaError(message, entry.begin, "windows within the run, or a longer run")
-    samples = round(run.stop / run.step)
     fix = "a single window, of which no samples are kept, or an element of the signal"
-    sizes.require(8 * made.words * samples, f"{samples} samples of it", entry.begin, fix)
+    sizes.require(8 * made.words * run.steps, f"{run.steps} samples of it", entry.begin, fix)
     return made
 
 

@@ -193,3 +193,41 @@ def test_a_thousand_bounded_formulas_as_a_public_monitor_has_them():
         found = feed(monitor(text, native=seed % 4 > 0), np.arange(60.0), {"m.a": a, "m.b": b}, [30]).robustness(True)
         assert found.settled
         assert found.margin == pytest.approx(theirs(text, a, b), rel=0, abs=1e-12), text
+
+
+# ---- terms ----
+
+
+@pytest.mark.parametrize("shape", [(2,), (3, 2), (32,), (33,), (100,), (7, 5)])
+def test_reductions_of_strided_samples_have_the_same_bits_in_any_batches(shape):
+    """Samples are parts of rows, as the loop fills them; a batch may have a single one."""
+    size = math.prod(shape)
+    rows = np.random.default_rng(size).normal(size=(60, size + 3)) * 10.0 ** np.arange(60)[:, None]
+
+    def one(text, batches):
+        found = Monitor(
+            parse(text), Scope(lambda *_: Seen("m.s", shape, (None,) * len(shape), np.dtype(float), None), None)
+        )
+        for begin, end in zip([0, *batches], [*batches, 60], strict=True):
+            found.update(np.arange(60.0)[begin:end], {"m.s": rows[begin:end, 2 : 2 + size].reshape(-1, *shape)})
+        return found.robustness(True)
+
+    for name, exact in (
+        ("sum", lambda x: x.sum()),
+        ("mean", lambda x: x.mean()),
+        ("norm", np.linalg.norm),
+        ("max", np.max),
+    ):
+        text = f"always[7, 7]({name}(m.s) < 0)"
+        whole = one(text, [])
+        assert whole == one(text, [1, 7, 8, 9, 40])
+        assert whole.margin == pytest.approx(-exact(rows[7, 2 : 2 + size]), rel=1e-12, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1e300])
+def test_the_length_of_numbers_of_any_size(size):
+    found = Monitor(
+        parse("always(norm(m.s) < 0)"), Scope(lambda *_: Seen("m.s", (2,), (None,), np.dtype(float), None), None)
+    )
+    found.update(np.array([0.0]), {"m.s": np.array([[3.0, 4.0]]) * size})
+    assert found.robustness(True).margin == pytest.approx(-5 * size, rel=1e-15)
