@@ -145,6 +145,12 @@ def is_instant(tree: Condition) -> bool:
     return not isinstance(tree, Temporal | Until) and all(map(is_instant, conditions(tree)))
 
 
+def is_open(tree: Condition) -> bool:
+    """Whether a condition has a window that ends with the run."""
+    open_ = isinstance(tree, Temporal | Until) and math.isinf(tree.stop)
+    return open_ or any(is_open(part) for part in conditions(tree))
+
+
 def horizon(tree: Condition) -> float:
     """How much time (s) has to come for a condition to have a meaning; an open end needs its begin only."""
     own = 0.0

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.language.formula_tree import Condition, Junction, Not, Temporal, Until, conditions, horizon
+from cosim.language.formula_tree import Condition, Junction, Not, Temporal, Until, conditions, horizon, is_open
 from cosim.requirements.gaps import gap, gaps
 from cosim.requirements.judges import NEAR, Bounds, Judge, Moment, course, unknown
 from cosim.requirements.operators import Operators
@@ -188,12 +188,6 @@ class Deferred(Judge):
 def windows(condition: Condition) -> int:
     """How many temporal operators a condition has."""
     return isinstance(condition, Temporal | Until) + sum(windows(part) for part in conditions(condition))
-
-
-def is_open(condition: Condition) -> bool:
-    """Whether a condition has a window that ends with the run."""
-    open_ = isinstance(condition, Temporal | Until) and math.isinf(condition.stop)
-    return open_ or any(is_open(part) for part in conditions(condition))
 
 
 def _extreme(values: Any, every: bool) -> int:

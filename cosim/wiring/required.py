@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cosim.errors import CosimError, FormulaError, Position, Problems
-from cosim.language.formula_tree import horizon
+from cosim.language.formula_tree import horizon, is_open
 from cosim.language.requirement import RequirementEntry, told
 from cosim.requirements.monitor import Monitor
 from cosim.requirements.terms import Look, Scope, Seen
@@ -37,7 +37,8 @@ def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
         message = f"its windows need {needed:g} s, and the run lasts {stop:g} s"
         raise FormulaError(message, entry.begin, "windows within the run, or a longer run")
     fix = "a single window, of which no samples are kept, or an element of the signal"
-    sizes.require(8 * made.words * run.steps, f"{run.steps} samples of it", entry.begin, fix)
+    samples = run.steps if is_open(entry.condition) or not run.steps else min(run.steps, int(needed / run.step) + 1)
+    sizes.require(8 * made.words * samples, f"{samples} samples of it", entry.begin, fix)
     return made
 
 

@@ -397,7 +397,12 @@ def test_every_mistake_is_told_at_once_beside_those_of_the_diagram(cosim, write)
 
 
 def test_a_run_whose_samples_do_not_fit_into_memory_is_refused(cosim, write):
-    formulas = "always(eventually[0, 1](swing.x > 0))", "always(swing.x < 2)"  # of the second no sample is kept
+    """Of a single window no sample is kept, and none after the last window."""
+    formulas = (
+        "always(eventually[0, 1](swing.x > 0))",
+        "always(swing.x < 2)",
+        "always[0, 1](eventually[0, 1](swing.x > 0))",
+    )
     code, _, err = cosim("check", write(requiring(*formulas)), "--set", "run.stop=1e12")
     assert code == 2 and err.count("error:") == 1
     assert "requirement r0: 100000000000000 samples of it need" in err and "of memory" in err
