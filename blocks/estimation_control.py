@@ -62,7 +62,8 @@ class KalmanFilter(Block):
         x_hat[k] = x + K (y[k] - C x),   P_hat = P - K C P                     at the sample
         x = A x_hat[k] + B u[k],         P = A P_hat A^T + Q                   for the next one
 
-    The measurements are taken one by one, so that R is diagonal: `R` are its elements. Begin with P in `start`.
+    The measurements are taken one by one, so that R is diagonal: `R` are its elements. Begin with P in `start`. For a
+    system that is not linear, derive a block from `cosim.blocks.extended_kalman.ExtendedKalmanFilter`.
     """
 
     u = Input("m?", start=0.0, description="what drives the system")

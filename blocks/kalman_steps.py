@@ -1,18 +1,4 @@
-"""The two steps of a Kalman filter, for filters of one's own: an extended one hands over its Jacobians.
-
-::
-
-    class PendulumFilter(Block):
-        def outputs(y, R, x, P, gain, x_hat, P_hat):
-            begin(x, P, x_hat, P_hat)
-            C = (math.cos(x[0]), 0.0)                      the Jacobian of h(x) = sin(x_1), of which y is a measurement
-            correct(y - math.sin(x[0]), C, R, x_hat, P_hat, gain)
-
-        def update(x_hat, P_hat, Q, period, F, next_x, next_P):
-            next_x[0] = x_hat[0] + period * x_hat[1]       f(x)
-            …
-            predict(F, P_hat, Q, next_P)                   F: the Jacobian of f, a Local that outputs() fills
-"""
+"""The two steps of a Kalman filter, linear or extended: correct by measurements, predict."""
 
 from numpy.typing import NDArray
 

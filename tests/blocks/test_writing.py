@@ -11,19 +11,20 @@ from tests.blocks import library_diagrams
 
 FILES = sorted((Path(__file__).parents[2] / "blocks").glob("*.py"))
 #: The files of the paper; the others are for any system, and `test_library.py` looks for their equations.
-PAPERS = [path for path in FILES if path.stem not in (*library_diagrams.FILES, "kalman_steps", "matrices", "noise")]
+HELPERS = ("extended_kalman", "jacobian", "kalman_steps", "matrices")
+PAPERS = [path for path in FILES if path.stem not in (*library_diagrams.FILES, *HELPERS, "noise")]
 #: An equation, or the place where the paper says it in words.
 NUMBER = re.compile(r"\(\d+\)|Section [IV]+|Fig. \d|Lemma \d|Theorems? \d|Definition \d")
 
 
 def functions(tree: ast.AST) -> Iterator[tuple[ast.FunctionDef, bool]]:
     """All functions of a file, and whether each is a block's own, which names variables."""
-    blocks = {"Block", "Measure"}
+    blocks = {"Block", "Measure", "ExtendedKalmanFilter"}
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.FunctionDef):
             yield node, False
         elif isinstance(node, ast.ClassDef):
-            own = any(isinstance(b, ast.Name) and b.id in blocks for b in node.bases)
+            own = node.name in blocks or any(isinstance(b, ast.Name) and b.id in blocks for b in node.bases)
             blocks |= {node.name} if own else set()
             yield from ((member, own) for member in node.body if isinstance(member, ast.FunctionDef))
 
