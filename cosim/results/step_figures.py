@@ -205,10 +205,11 @@ class TimeOfMaximum(StepFigure):
 
     name = "time_of_max"
     unit = "s"
+    sign: ClassVar[float] = 1.0
 
     def elements(self, rows: Array) -> Array:
         """As of `StepFigure`."""
-        found: Array = rows.max(axis=1, keepdims=True)
+        found: Array = (self.sign * rows).max(axis=1, keepdims=True)
         return found
 
     def of(self, times: Array, course: Array) -> float:
@@ -216,20 +217,11 @@ class TimeOfMaximum(StepFigure):
         return float(times[course.argmax()])
 
 
-class TimeOfMinimum(StepFigure):
+class TimeOfMinimum(TimeOfMaximum):
     """When the smallest of all elements is smallest, first."""
 
     name = "time_of_min"
-    unit = "s"
-
-    def elements(self, rows: Array) -> Array:
-        """As of `StepFigure`."""
-        found: Array = rows.min(axis=1, keepdims=True)
-        return found
-
-    def of(self, times: Array, course: Array) -> float:
-        """As of `StepFigure`."""
-        return float(times[course.argmin()])
+    sign = -1.0
 
 
 class Percentile(StepFigure):
