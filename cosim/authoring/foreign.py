@@ -26,6 +26,9 @@ class Foreign(Protocol):
     def library(self) -> bytes:
         """The code that computes it on this machine."""
 
+    def derives(self, component: Any, function: Any) -> bool:
+        """Whether instances of a block give directional derivatives of what a function of it computes."""
+
     def unsaved(self, component: Any) -> CosimError | None:
         """Why the instances of a block cannot be saved, with the usual fix; None where they can."""
 
@@ -43,7 +46,8 @@ class LoopWords:
     ending: the address of the word that ends the run, see `cosim.master.tables`. again: of the word that asks for
     another evaluation of outputs. next_event: of the time (s) of the next time event that anybody knows of. left: of
     whether what is evaluated lies before the events of its time. early: of the time (s) of the first event at which
-    anybody stops within a step, which is then done anew; 0 where none can be. histories: of inputs that go on in a
+    anybody stops within a step, which is then done anew; 0 where none can be. tangent: of how those are evaluated that
+    know their directional derivatives. histories: of inputs that go on in a
     step, where `cosim.master.histories` has what wires brought.
     """
 
@@ -53,6 +57,7 @@ class LoopWords:
     next_event: int
     left: int
     early: int
+    tangent: int
     histories: Mapping[str, int]
 
 

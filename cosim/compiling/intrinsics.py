@@ -124,6 +124,7 @@ def instance(context: Any, k: Any) -> Any:
 
 word_pointer = _view(types.int64, ir.IntType(64))
 real_pointer = _view(types.float64, ir.DoubleType())
+single_pointer = _view(types.float32, ir.FloatType())
 integer_pointer = _view(types.int32, ir.IntType(32))
 byte_pointer = _view(types.uint8, ir.IntType(8))
 
@@ -136,6 +137,11 @@ def words_at(address: int, size: int) -> np.ndarray:
 def reals_at(address: int, size: int) -> np.ndarray:
     """`cosim.machine.memory.reals_at`, compiled."""
     return carray(real_pointer(address), (size,))
+
+
+def singles_at(address: int, size: int) -> np.ndarray:
+    """`cosim.machine.memory.singles_at`, compiled."""
+    return carray(single_pointer(address), (size,))
 
 
 def integers_at(address: int, size: int) -> np.ndarray:

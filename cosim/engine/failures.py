@@ -15,6 +15,8 @@ from cosim.errors import BlockFailed, CosimError, Diverged, Terminated
 from cosim.master import integration, linear, loop, newton, tables
 from cosim.wiring.network import Component
 
+#: An error of a loop, over the unknown's size, that may be what an FMU iterates to inside.
+COARSE = 1e-3
 KINDS = {"output": "output", "calculatedParameter": "calculated parameter"}
 
 
@@ -107,8 +109,8 @@ def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> Bloc
         return error
     component = program.network.components[loop.torn[0].component]
     left, member = program.unsolved(row, arena)
-    parts = ", ".join(dict.fromkeys(task.component for task in loop.tasks))
-    where = f"{parts} ({component.fleet} {member + 1})" if member is not None else parts
+    parts = [*dict.fromkeys(task.component for task in loop.tasks)]
+    where = ", ".join(parts) + (f" ({component.fleet} {member + 1})" if member is not None else "")
     position, torn = component.entry.position, ", ".join(map(str, loop.torn))
     if left == newton.UNDETERMINED:
         message = (
@@ -119,6 +121,9 @@ def unsolved(program: Program, arena: np.ndarray, row: int, time: float) -> Bloc
     way = f"does not come back to itself, but {left:.1g} away" if left < linear.HUGE else "gives no number"
     guess = f"blocks.{loop.torn[0].component}.start.{loop.torn[0].variable}"
     fix = f"say where to look, {guess}; or sample a block, or let it read a state"
+    fmus = [name for name in parts if program.network.components[name].declaration.foreign]
+    if left < COARSE and fmus:
+        fix = f"look whether {', '.join(fmus)}, an FMU, computes no better than that (see its `tolerance`); or {fix}"
     return BlockFailed(f"{message}{torn} {way}", position, fix)
 
 

@@ -124,7 +124,8 @@ class Layout(Allocation):
         if loop not in self._unknowns:
             members, size = loops.systems(self.network, loop)
             work = self.allocate(8 * members * size * (size + unknowns.UNKNOWNS_VECTORS))
-            words = [members, size, len(loop.torn), work, loops.bits(self.network, loop)]
+            derived = int(bool(loops.derived(self.network, loop)))
+            words = [members, size, len(loop.torn), work, loops.bits(self.network, loop), derived]
             for signal in loop.torn:
                 place, numbers = self.places[signal], self.bytes_of(signal) // 8 // members
                 words += [place.offset, place.stride, numbers, clocks.get(signal, unknowns.NO_ROW)]

@@ -132,7 +132,8 @@ class Program:
     def unsolved(self, row: int, arena: np.ndarray) -> tuple[float, int | None]:
         """The error with which the solver of an algebraic loop, by its row, gave up, and of which member of a fleet."""
         offset = int(self.rows[row, tables.A])
-        blocks, equations, _, work, _ = arena[offset : offset + 8 * unknowns.UNKNOWNS_WORDS].view(np.int64)
+        words = arena[offset : offset + 8 * unknowns.UNKNOWNS_WORDS].view(np.int64)
+        blocks, equations, work = words[[unknowns.BLOCKS, unknowns.EQUATIONS, unknowns.WORK]]
         size = blocks * equations
         vectors = arena[work : work + 8 * unknowns.UNKNOWNS_VECTORS * size].view(np.float64).reshape(-1, size)
         return float(vectors[unknowns.F, 0]), int(vectors[unknowns.R, 0]) if blocks > 1 else None

@@ -26,7 +26,15 @@ from cosim.machine import floating, memory, supervision
 from cosim.master import tables
 from cosim.wiring.network import Component, Signal
 
-_TOLD = (tables.STEP_SIZE, tables.ENDING, tables.AGAIN, tables.NEXT_EVENT, tables.EARLY, tables.LEFT)
+_TOLD = {
+    "step": tables.STEP_SIZE,
+    "ending": tables.ENDING,
+    "again": tables.AGAIN,
+    "next_event": tables.NEXT_EVENT,
+    "left": tables.LEFT,
+    "early": tables.EARLY,
+    "tangent": tables.TANGENT,
+}
 BATCH_SECONDS = 0.04
 LARGEST_BATCH = 1 << 40
 
@@ -97,16 +105,9 @@ class Simulation:
 
     def _loop(self, component: Component) -> LoopWords:
         """What foreign blocks are told of the loop."""
-        words = {w: self.control.ctypes.data + 8 * w for w in _TOLD}
-        return LoopWords(
-            step=words[tables.STEP_SIZE],
-            ending=words[tables.ENDING],
-            again=words[tables.AGAIN],
-            next_event=words[tables.NEXT_EVENT],
-            left=words[tables.LEFT],
-            early=words[tables.EARLY] if self.program.attempts.rollback else 0,
-            histories=self.program.going_on(component),
-        )
+        words = {name: self.control.ctypes.data + 8 * w for name, w in _TOLD.items()}
+        words["early"] *= int(self.program.attempts.rollback)
+        return LoopWords(**words, histories=self.program.going_on(component))
 
     # ---- running ----
 

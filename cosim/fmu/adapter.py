@@ -81,6 +81,7 @@ from cosim.fmu.fields import (
     NOTHING,
     OK,
     PLAN,
+    PLAN_TANGENT,
     PLAN_WORDS,
     REACHED,
     REAL_STATUS,
@@ -90,10 +91,12 @@ from cosim.fmu.fields import (
     SETTLES,
     START_TIME,
     STATUS,
+    TANGENT,
     TASK,
     TELL,
     TERMINATED,
     TERMINATED_STATUS,
+    UNDERIVED,
     VERSION,
     WARNED,
     WARNED_AT,
@@ -102,8 +105,10 @@ from cosim.fmu.fields import (
 )
 from cosim.fmu.going_back import go_back, keep_state
 from cosim.fmu.indicators import indicate
+from cosim.fmu.tangents import LOST, REFUSED, follow, note
 from cosim.fmu.transfer import bad, get_outputs, give_up, set_inputs
 from cosim.machine.memory import integers_at, reals_at, words_at
+from cosim.master.tables import ALONG, NOTED
 
 
 def adapt(time: float, base: int, frame: int) -> int:
@@ -133,7 +138,7 @@ def adapt(time: float, base: int, frame: int) -> int:
     for k in range(f[COUNT]):
         address = link[RECORDS] + k * RECORD_WORDS * 8
         r = words_at(address, RECORD_WORDS)
-        lost = failed(plan[TASK], clock, base, link, plan, f, r, address + INFO * 8, k)
+        lost = evaluated(plan[TASK], clock, base, link, plan, f, r, address + INFO * 8, k)
         if link[WARNINGS] > warnings and link[WARNED] == 0:
             link[WARNED] = k + 1
             numbers[WARNED_AT] = time
@@ -146,6 +151,22 @@ def adapt(time: float, base: int, frame: int) -> int:
             link[ENDED] = k + 1
             words_at(link[ENDING], 1)[0] = 1
     return WARNING if link[WARNINGS] > warnings else OK
+
+
+def evaluated(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:
+    """As `failed`; outputs of which the FMU gives derivatives follow from those where the loop wants it so."""
+    table = plan[PLAN_TANGENT]
+    if table == 0:
+        return failed(task, time, base, link, plan, f, r, info, k)
+    wanted = words_at(link[TANGENT], 1)[0]
+    if wanted == ALONG and link[UNDERIVED] == 0 and r[ENDS] == 0:
+        outcome = follow(base, link, table, f, r, k)
+        if outcome != REFUSED:
+            return outcome == LOST
+    lost = failed(task, time, base, link, plan, f, r, info, k)
+    if wanted == NOTED and not lost:
+        note(base, table, f, k)
+    return lost
 
 
 def failed(task: int, time: float, base: int, link: Any, plan: Any, f: Any, r: Any, info: int, k: int) -> bool:

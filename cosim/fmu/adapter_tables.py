@@ -12,6 +12,7 @@ from cosim.compiling.frame import frame_of
 from cosim.fmu import c_library, fields
 from cosim.fmu.binary import Binary
 from cosim.fmu.curve_table import CurveTable
+from cosim.fmu.tangent_table import TangentTable
 from cosim.machine.memory import own
 
 _TASKS = {
@@ -50,6 +51,7 @@ class AdapterTables:
         self._keep: list[Any] = []
         self._rows: dict[int, list[str]] = {}
         self._shadows: dict[str, np.ndarray] = {}
+        self._gives_derivatives = False
         self._histories: Mapping[str, int] = {}
         self._kept: dict[str, np.ndarray] = {}  # what belongs to a state that is kept, by a name of ours
 
@@ -76,9 +78,11 @@ class AdapterTables:
         link[fields.STEP] = loop.step
         link[fields.ENDING], link[fields.AGAIN] = loop.ending, loop.again
         link[fields.NEXT_EVENT], link[fields.EARLY], link[fields.LEFT] = loop.next_event, loop.early, loop.left
+        link[fields.TANGENT] = loop.tangent
         link.view(np.float64)[fields.START_TIME] = fmu.settings.start_time
         self._histories = loop.histories
         self._functions(link)
+        self._gives_derivatives = bool(link[fields.DIRECTIONAL_DERIVATIVE])
         link[fields.SNAPSHOTS] = self._array(len(self._handles)).ctypes.data
         self._kept["ended"] = link[fields.ENDED : fields.ENDED + 1]
 
@@ -137,6 +141,10 @@ class AdapterTables:
         if function.kind == "step":
             going_on = {n: self._histories[n] for n in inputs if n in self._histories}
             plan[fields.PLAN_CURVES] = CurveTable(self._fmu, self._component, going_on, slots, self._keep).address
+        if self._gives_derivatives:
+            plan[fields.PLAN_TANGENT] = TangentTable(
+                self._fmu, self._component, call, outputs, slots, self._keep
+            ).address
         if states and states <= slots.keys():
             plan[fields.STATE_MAP] = self._map(slots, "")
         if function.kind == "indicators":

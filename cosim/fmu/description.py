@@ -9,7 +9,11 @@ from typing import Any
 from cosim.errors import FmuError, Position
 from cosim.fmu import archive, versions
 
-INTERFACES = ("coSimulation", "modelExchange", "scheduledExecution")
+INTERFACES = {
+    "CoSimulation": "coSimulation",
+    "ModelExchange": "modelExchange",
+    "ScheduledExecution": "scheduledExecution",
+}
 
 
 def read_description(path: Path, position: Position | None = None) -> tuple[Path, Any]:
@@ -19,7 +23,7 @@ def read_description(path: Path, position: Position | None = None) -> tuple[Path
         description = _read(folder)
     except FmuError as error:
         raise FmuError(f"`{path.name}`{error.message}", position, error.fix) from None
-    for kind in (getattr(description, name) for name in INTERFACES):
+    for kind in (getattr(description, name) for name in INTERFACES.values()):
         if kind is not None:
             archive.check_identifier(kind.modelIdentifier, path.name, position)
     return folder, description
@@ -45,6 +49,10 @@ def _read(folder: Path) -> Any:
     except Exception as error:  # noqa: BLE001  # fmpy raises all sorts
         message = f": its model description cannot be read: {type(error).__name__}: {error}"
         raise FmuError(message, fix="export the FMU again") from None
+    for tag, kind in INTERFACES.items():
+        if (interface := getattr(description, kind)) is not None and versions.find(version).number == 3:
+            name = "providesDirectionalDerivatives"  # as FMI 2 has one less, FMPy finds none of FMI 3
+            interface.providesDirectionalDerivative = root.find(tag).get(name) in ("true", "1")
     texts = _texts(root)
     for variable in description.modelVariables:  # of whose texts FMPy reads the first
         variable.start = texts.get((variable.alias or variable).name, variable.start)

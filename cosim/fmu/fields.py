@@ -63,9 +63,12 @@ LINK_WORDS = 56
     LEFT,  # the address of whether outputs are wanted as they are before the events of their time
     SET_INPUT_DERIVATIVES,
     EARLY,  # the address of the time (s) at which the first has stopped within a step; 0 where none may
-) = range(46)
+    DIRECTIONAL_DERIVATIVE,
+    TANGENT,  # the address of how outputs are wanted of which it gives derivatives, see `cosim.master.tables`
+    UNDERIVED,  # whether it has refused to
+) = range(49)
 #: Of the link, what a run has to tell, or to go on with.
-TOLD = (WARNINGS, ENDED, ENDED_AT, WARNED, WARNED_AT)
+TOLD = (WARNINGS, ENDED, ENDED_AT, WARNED, WARNED_AT, UNDERIVED)
 CO_SIMULATION, EVENT_CO_SIMULATION, MODEL_EXCHANGE = range(3)
 NOT_FINITE, TERMINATED, NO_PROGRESS, ENDLESS, TOO_LARGE, CROWDED = -1, -2, -3, -4, -5, -6
 
@@ -95,9 +98,10 @@ RUNNING, EVENT = range(2)
 INFO_REAL = 24  # bytes from INFO to the number in it
 
 # What one call exchanges. The maps give (slot, element) for each state in the FMU's order.
-PLAN_WORDS = 11
+PLAN_WORDS = 12
 FRAME_WORDS, INPUTS, N_INPUTS, OUTPUTS, N_OUTPUTS, STATE_MAP, DERIVATIVE_MAP, SETTLES, TASK, INDICATOR_SLOT = range(10)
 PLAN_CURVES = 10  # the address of a table of how inputs go on in a step, 0: they are held
+PLAN_TANGENT = 11  # the address of a table of the derivatives of its outputs, 0: it is evaluated
 
 # How inputs go on: a table of inputs, and what a call is given of all: value references, orders and derivatives.
 CURVES_WORDS = 6
@@ -107,6 +111,15 @@ CURVES, N_CURVES, CURVE_REFERENCES, ORDERS, VALUES, N_DERIVATIVES = range(CURVES
 # put as it is at several times, and the matrix that makes derivatives of that.
 CURVE_WORDS = 7
 CURVE_SLOT, CURVE_HISTORY, CURVE_ORDER, CURVE_ELEMENTS, CURVE_WIDTH, CURVE_POINTS, CURVE_MATRIX = range(CURVE_WORDS)
+
+# Derivatives of outputs: inputs and outputs, how many numbers these are, those of the first outputs being asked for;
+# value references; what is given and taken; and the inputs and outputs that were noted, of each instance.
+TANGENT_WORDS = 14
+KNOWN_PARTS, N_KNOWN_PARTS, KNOWN_NUMBERS, KNOWN_REFERENCES, N_KNOWN_REFERENCES, SEED = range(6)
+UNKNOWN_PARTS, N_UNKNOWN_PARTS, UNKNOWN_NUMBERS, UNKNOWN_REFERENCES, N_UNKNOWN_REFERENCES = range(6, 11)
+SENSITIVITY, ASKED, POINTS = range(11, TANGENT_WORDS)
+NUMBER_WORDS = 3
+NUMBER_SLOT, NUMBER_COUNT, NUMBER_SINGLE = range(NUMBER_WORDS)  # single: of single precision
 
 # One call of a getter or a setter: its value references, how many values, and the variables whose values they are, one
 # after the other in a buffer (0: those of one variable, as they lie in the arena). DISCRETE: all with shadows.

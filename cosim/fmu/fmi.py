@@ -31,9 +31,10 @@ INTEGRATING = {
 }
 
 
-def states(get: str, set_: str) -> dict[int, str]:
-    """The functions with which an FMU keeps a state and goes back to it, by the word of the link."""
-    return {fields.GET_FMU_STATE: get, fields.SET_FMU_STATE: set_}
+def able(get: str, set_: str) -> dict[int, str]:
+    """The functions that keep a state, go back to it, and give derivatives, by the word of the link."""
+    derivatives = {fields.DIRECTIONAL_DERIVATIVE: "GetDirectionalDerivative"}
+    return {fields.GET_FMU_STATE: get, fields.SET_FMU_STATE: set_} | derivatives
 
 
 class ValueType(NamedTuple):

@@ -45,9 +45,9 @@ class Fmi2(fmi.Version):
             fields.BOOLEAN_STATUS: "GetBooleanStatus",
             fields.REAL_STATUS: "GetRealStatus",
             fields.SET_INPUT_DERIVATIVES: "SetRealInputDerivatives",
-            **fmi.states("GetFMUstate", "SetFMUstate"),
+            **fmi.able("GetFMUstate", "SetFMUstate"),
         },
-        fields.MODEL_EXCHANGE: fmi.states("GetFMUstate", "SetFMUstate"),
+        fields.MODEL_EXCHANGE: fmi.able("GetFMUstate", "SetFMUstate"),
     }
     saving = StateFunctions(
         *("GetFMUstate", "SetFMUstate", "FreeFMUstate"),

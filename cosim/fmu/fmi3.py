@@ -41,7 +41,7 @@ class Fmi3(fmi.Version):
         },
         fields.MODEL_EXCHANGE: fmi.INTEGRATING,
     }
-    optional: ClassVar = {kind: fmi.states("GetFMUState", "SetFMUState") for kind in functions}
+    optional: ClassVar = {kind: fmi.able("GetFMUState", "SetFMUState") for kind in functions}
     saving = StateFunctions(
         *("GetFMUState", "SetFMUState", "FreeFMUState"),
         *("SerializedFMUStateSize", "SerializeFMUState", "DeserializeFMUState"),

@@ -23,6 +23,7 @@ from cosim.fmu import (
     settings,
     structural,
     structure,
+    tangent_table,
 )
 from cosim.fmu.description import read_description
 from cosim.fmu.imported import Fmu
@@ -44,6 +45,10 @@ class ForeignFmu(Fmu):
     def library(self) -> bytes:
         """The content of the shared library for this machine. Raises: FmuError."""
         return archive.binary(self.folder, self.interface.modelIdentifier, self.version, self.name).read_bytes()
+
+    def derives(self, component: Any, function: Any) -> bool:
+        """Whether it gives directional derivatives of what a function computes; see `cosim.fmu.tangent_table`."""
+        return tangent_table.derives(self, component, function)
 
     def unsaved(self, component: Any) -> CosimError | None:
         """Why instances cannot be saved; see `cosim.fmu.saved_states`."""

@@ -65,6 +65,11 @@ def reals_at(address: int, size: int) -> np.ndarray:
     return np.ctypeslib.as_array((ctypes.c_double * int(size)).from_address(int(address)))
 
 
+def singles_at(address: int, size: int) -> np.ndarray:
+    """The `size` float32 numbers at an address, as a view (size,)."""
+    return np.ctypeslib.as_array((ctypes.c_float * int(size)).from_address(int(address)))
+
+
 def integers_at(address: int, size: int) -> np.ndarray:
     """The `size` int32 numbers at an address, as a view (size,)."""
     return np.ctypeslib.as_array((ctypes.c_int32 * int(size)).from_address(int(address)))

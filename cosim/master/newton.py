@@ -2,12 +2,17 @@
 
     begin at what is published
     repeat until the residual r = f(z) - z is small against each unknown
-        J = 1 - df/dz, column by column, by differences
+        J = 1 - df/dz, column by column, by differences, of FMUs by their directional derivatives
         z + z' with J z' = r; where that leads astray, a part of z', and at last f(z)
 
 What is found is told from what nothing determines: where other values would do as well, J is singular. The first time,
 J is looked at where the loop is solved. Later, a guess that is right already is disturbed, and every unknown has to
 answer; else J is looked at again. What a sampled block holds is no unknown between two samples.
+
+Derivatives that FMUs give say where to go, and no more. Whether z is a solution, and the only one near by, f says: J is
+made by differences alone for that, unless derivatives, later than the first time, have just led to where they said. So
+a wrong one costs evaluations, but no figure. Where steps by derivatives have missed several times, differences go on.
+Of an f that is rounded, as what an FMU iterates inside may be, derivatives know better what nothing determines.
 
 Equations of different members of a fleet that do not depend on each other are solved side by side. One source, two
 engines, as in `loop.py`.
@@ -18,7 +23,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.machine.memory import reals_at, words_at
+from cosim.machine.memory import words_at
 from cosim.master.convergence import (
     TOLERANCE,
     all_answer,
@@ -29,19 +34,35 @@ from cosim.master.convergence import (
     progress,
     worst_of,
 )
-from cosim.master.linear import HUGE, balance, factor, substitute
+from cosim.master.jacobian import (
+    COARSE,
+    DOUBT,
+    FAR,
+    NOISE,
+    NONE,
+    begin_sums,
+    difference_at,
+    fill_column,
+    find_steps,
+    zero_of,
+)
+from cosim.master.linear import HUGE
 from cosim.master.tables import (
     ALIVE,
     ALL_FIRST,
+    ALONG,
+    AS_EVER,
     AT,
     CLOCK_WORDS,
     CLOCKS,
     DUE,
     NO_SAMPLED,
+    NOTED,
     OK,
     ROW_BYTES,
     ROW_WORDS,
     ROWS,
+    TANGENT,
     UNSOLVED,
     WARNING,
     A,
@@ -51,29 +72,23 @@ from cosim.master.tables import (
 )
 from cosim.master.unknowns import (
     BLOCKS,
-    DIVISORS,
+    DERIVED,
     EQUATIONS,
     HELD,
     KEPT,
-    LARGEST,
     MOVE,
     NO_ROW,
     OTHER,
     PIECE_CLOCK,
     PIECE_NUMBERS,
     PIECES,
-    PIVOTS,
     ROUNDING,
     SIZE,
     TRIAL,
-    WEIGHT,
     F,
     R,
     Z,
-    block_at,
     exchange,
-    matrices,
-    matrix_at,
     piece,
     unit,
     unknowns,
@@ -81,29 +96,34 @@ from cosim.master.unknowns import (
 )
 
 MOST_ITERATIONS = 50
-# A difference is the square root of the rounding unit, over the unknown's size.
-COARSE = 2.0**-4  # one that is more exact where f is linear
-ERRORS = 8.0  # rounding units of what f adds up: its rounding errors
-NOISE = 4.0  # rounding units over a difference: of a matrix of relative changes, what differences make of a zero
-DOUBTFUL = 1024.0  # rounding units over a difference: of a pivot, what differences may make of a zero
-SINGULAR = 1024.0  # rounding units over a coarse difference: of a pivot, what those make of a zero
 REST = 2.0**-16  # of an unknown that a step takes away: what differences make of a zero
 SMALLEST_PART = 2.0**-10  # of a step, that is tried where the whole leads astray
-NONE, DOUBT = -1, -2  # in place of a block that cannot be solved
+AS_TOLD = 2.0**-10  # of a residual, what is left of it where a step leads to where derivatives said
+MISSED = 0.25  # from here on, it does not
+MOST_MISSES = 3
 UNDETERMINED = -1.0  # in place of an error: other values would do as well
 GO_ON = -1  # in place of a status: the last step was not the last
 
 
 def solve(c: Any, base: int, o: int, time: float, later: float) -> int:
     """Solve the loop of row o, as of a time (s); later: of rows that are done at the step's end. Returns the status."""
-    u = unknowns(place(c, base, o))
+    c[TANGENT] = NOTED if unknowns(place(c, base, o))[DERIVED] != 0 else AS_EVER
     begin(c, base, o)
+    status = iterate(c, base, o, time, later)
+    c[TANGENT] = AS_EVER
+    return status
+
+
+def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
+    """Go from a guess to the solution. Returns the status."""
+    u = unknowns(place(c, base, o))
     status = residual(c, base, o, time, later, F, R)
-    first, regular = row_of(c, o)[C] == ALL_FIRST, False
-    difference = math.sqrt(unit(u))
+    first, regular, difference = row_of(c, o)[C] == ALL_FIRST, False, math.sqrt(unit(u))
+    misses = 0 if u[DERIVED] != 0 else MOST_MISSES
     for iteration in range(MOST_ITERATIONS):
         measure(base, u)
-        if status <= WARNING and is_small(base, u, 1.0):
+        small = status <= WARNING and is_small(base, u, 1.0)
+        if small:
             if iteration == 0 and not first:
                 status = disturb(c, base, o, time, later)
                 regular = all_answer(base, u)
@@ -113,19 +133,25 @@ def solve(c: Any, base: int, o: int, time: float, later: float) -> int:
         if status <= WARNING and not are_numbers(base, u):
             status = fall_back(c, base, o, time, later)
             continue
+        along = misses < MOST_MISSES and not small
         if status <= WARNING:
-            status = linearize(c, base, o, time, later, difference if iteration % 2 == 0 else -difference)
+            status = linearize(c, base, o, time, later, difference if iteration % 2 == 0 else -difference, along)
         if status > WARNING:
             return status
-        singular = find_steps(c, base, u)
-        regular = singular == NONE
-        if is_small(base, u, 1.0):
+        singular = find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(u))
+        regular = singular == NONE and u[DERIVED] == 0
+        if not along and is_small(base, u, 1.0):
             status = conclude(c, base, o, time, later, singular)
             if status != GO_ON:
                 return status
             status = OK
-        else:
-            status = step_on(c, base, o, time, later)
+            continue
+        before = progress(base, u) if along else 0.0
+        status = step_on(c, base, o, time, later)
+        if along:
+            left = progress(base, u)
+            regular = singular == NONE and not first and left <= AS_TOLD * before
+            misses += 0 if left <= MISSED * before else 1 if left < before else MOST_MISSES
     worst = worst_of(base, u)
     return give_up(c, base, o, abs(vector(base, u, R)[worst]) / vector(base, u, SIZE)[worst], worst // u[EQUATIONS])
 
@@ -169,10 +195,10 @@ def conclude(c: Any, base: int, o: int, time: float, later: float, singular: int
     u = unknowns(place(c, base, o))
     z, step = vector(base, u, Z), vector(base, u, MOVE)
     if singular == DOUBT:
-        status = linearize(c, base, o, time, later, COARSE)
+        status = linearize(c, base, o, time, later, COARSE, False)
         if status > WARNING:
             return status
-        singular = find_steps(c, base, u)
+        singular = find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(u))
         for j in range(z.size):
             step[j] = 0.0
     if singular >= 0:
@@ -182,8 +208,31 @@ def conclude(c: Any, base: int, o: int, time: float, later: float, singular: int
     status = take(base, u, residual(c, base, o, time, later, TRIAL, R))
     if status <= WARNING and not is_small(base, u, 4.0):
         return GO_ON
+    if status <= WARNING and u[DERIVED] != 0:
+        status = consult(c, base, o, time, later)
+    if status > WARNING:
+        return status
     exchange(base, place(c, base, o), z, True)
     return status
+
+
+def consult(c: Any, base: int, o: int, time: float, later: float) -> int:
+    """Give up where derivatives say that other values would do as well, and f does not deny it from afar.
+
+    Near by, an f that is rounded says nothing. Else f is evaluated at z again. Returns the status.
+    """
+    u, alive = unknowns(place(c, base, o)), c[ALIVE : ALIVE + 1]
+    status = linearize(c, base, o, time, later, math.sqrt(unit(u)), True)
+    doubt = status <= WARNING and find_steps(alive, base, u, zero_of(u)) != NONE
+    if doubt:
+        status = linearize(c, base, o, time, later, COARSE, True)
+        doubt = status <= WARNING and find_steps(alive, base, u, zero_of(u)) >= 0
+    if doubt:
+        status = linearize(c, base, o, time, later, COARSE, False)
+        found = find_steps(alive, base, u, FAR) if status <= WARNING else NONE
+        if found >= 0:
+            return give_up(c, base, o, UNDETERMINED, found)
+    return residual(c, base, o, time, later, F, R) if status <= WARNING else status
 
 
 def give_up(c: Any, base: int, o: int, error: float, b: int) -> int:
@@ -202,90 +251,31 @@ def give_up(c: Any, base: int, o: int, error: float, b: int) -> int:
 # ---- steps ----
 
 
-def linearize(c: Any, base: int, o: int, time: float, later: float, difference: float) -> int:
-    """The matrix of each block, relative to sizes, and what f adds up with its rounding errors. Returns the status."""
+def linearize(c: Any, base: int, o: int, time: float, later: float, difference: float, along: bool) -> int:
+    """The matrix of each block, relative to sizes, and what f adds up, with its rounding errors if it is evaluated.
+
+    along: tangents, where foreign blocks know them. Returns the status.
+    """
     u = unknowns(place(c, base, o))
-    n, z, f, size, kept = (
-        u[EQUATIONS],
-        vector(base, u, Z),
-        vector(base, u, F),
-        vector(base, u, SIZE),
-        vector(base, u, KEPT),
-    )
-    held, weight, rounding, other = (
-        vector(base, u, HELD),
-        vector(base, u, WEIGHT),
-        vector(base, u, ROUNDING),
-        vector(base, u, OTHER),
-    )
-    for j in range(z.size):
-        kept[j], weight[j], other[j] = z[j], size[j], rounding[j]
-        rounding[j] = ERRORS * unit(u) * max(abs(z[j]), abs(f[j]))
+    n, z, size = u[EQUATIONS], vector(base, u, Z), vector(base, u, SIZE)
+    kept, held = vector(base, u, KEPT), vector(base, u, HELD)
+    begin_sums(base, u, along)
     for column in range(n):
         for j in range(column, z.size, n) if held[column] == 0.0 else range(0):
             z[j] += difference_at(z[j], size[j], difference)
-        status = residual(c, base, o, time, later, TRIAL, MOVE) if held[column] == 0.0 else OK
+        usual, status = c[TANGENT], OK
+        if held[column] == 0.0:
+            c[TANGENT] = ALONG if along else usual
+            status = residual(c, base, o, time, later, TRIAL, MOVE)
+            c[TANGENT] = usual
         if status > WARNING:
             return status
-        fill_column(base, u, column, NOISE * unit(u) / abs(difference))
+        fill_column(base, u, column, NOISE * unit(u) / abs(difference), along)
         for j in range(column, z.size, n):
             z[j] = kept[j]
-    allow_rounding(base, u)
+    if not along:
+        allow_rounding(base, u)
     return OK
-
-
-def difference_at(z: float, size: float, difference: float) -> float:
-    """A difference over the size of an unknown; away from zero where that is near, as f may end there."""
-    if abs(z) < 0.5 * size:
-        difference = abs(difference) if z >= 0.0 else -abs(difference)
-    return difference * size
-
-
-def fill_column(base: int, u: Any, column: int, noise: float) -> None:
-    """Write a column of each matrix: one unknown of each block has moved from KEPT, and f with them from F to TRIAL."""
-    n, matrix = u[EQUATIONS], matrices(base, u)
-    z, kept, f, trial = vector(base, u, Z), vector(base, u, KEPT), vector(base, u, F), vector(base, u, TRIAL)
-    size, weight, rounding = vector(base, u, SIZE), vector(base, u, WEIGHT), vector(base, u, ROUNDING)
-    for j in range(z.size):
-        i = j % n
-        p = j - i + column  # the unknown of the same block that has moved
-        moved = z[p] - kept[p]
-        slope = (trial[j] - f[j]) / moved if moved != 0.0 and abs(trial[j]) < HUGE else 0.0
-        weight[j] += abs(slope) * size[p]
-        rounding[j] += ERRORS * unit(u) * abs(slope * kept[p])
-        entry = ((1.0 if i == column else 0.0) - slope) * size[p]
-        counts = abs(entry) > noise * max(abs(kept[j]), abs(f[j]))
-        matrix[j * n + column] = entry / size[j] if counts else 0.0
-
-
-def find_steps(c: Any, base: int, u: Any) -> int:
-    """Solve for the step of each block. Returns the first that leaves an unknown undetermined, NONE, or DOUBT."""
-    found = NONE
-    r, step, size = vector(base, u, R), vector(base, u, MOVE), vector(base, u, SIZE)
-    for j in range(r.size):
-        step[j] = r[j] / size[j]
-    for b in range(u[BLOCKS]):
-        pivot = eliminate(c, base, u, b, SINGULAR * unit(u) / COARSE)
-        if pivot == 0.0 and found < 0:
-            found = b
-        elif pivot < DOUBTFUL * math.sqrt(unit(u)) and found == NONE:
-            found = DOUBT
-    for j in range(r.size):
-        step[j] *= size[j]
-    return found
-
-
-def eliminate(c: Any, base: int, u: Any, b: int, least: float) -> float:
-    """Solve the equations of block b for its step. Returns the smallest pivot, 0.0 if one is not above `least`."""
-    n, matrix, alive = u[EQUATIONS], matrix_at(base, u, b), c[ALIVE : ALIVE + 1]
-    step, columns = reals_at(block_at(base, u, MOVE, b), n), reals_at(block_at(base, u, DIVISORS, b), n)
-    pivots = words_at(block_at(base, u, PIVOTS, b), n)
-    balance(alive, matrix, step, columns, reals_at(block_at(base, u, LARGEST, b), n), n)
-    pivot = factor(alive, matrix, pivots, n, least)
-    substitute(matrix, pivots, step, n)
-    for j in range(n):
-        step[j] /= columns[j]
-    return pivot
 
 
 def step_on(c: Any, base: int, o: int, time: float, later: float) -> int:

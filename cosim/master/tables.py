@@ -71,7 +71,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 72
+CONTROL_WORDS = 73
 (
     ROWS,
     BANKS,
@@ -145,9 +145,12 @@ CONTROL_WORDS = 72
     KEPT_ENDING,  # ENDING as it was when all was saved
     SOLVER,  # the address of what integrates all states in place of an integrator of ours; 0: nothing does
     ARRIVED,  # whether TICK has been evaluated and probed already, and nothing has changed since; then 0
+    TANGENT,  # how foreign blocks that know their directional derivatives are evaluated
 ) = range(CONTROL_WORDS)
 
 ENDED, BETWEEN = 2, 3  # what ENDING becomes: at a communication point, or at an event that lies between two
+# As ever; and where and to what is noted; not at all, but what they would give follows from that by derivatives.
+AS_EVER, NOTED, ALONG = range(3)
 ADDRESSES = (ROWS, BANKS, FUNCTIONS, GROUPS, PROBES, PHASE, SOLVER)  # which are others in another process
 
 

@@ -1,9 +1,9 @@
 """The unknowns of an algebraic loop in memory: where they lie, and the work space in which they are solved for.
 
 `u`, at an address, says how many blocks of equations there are that do not depend on each other, how many equations
-each has, in how many pieces of memory the unknowns lie, the offset of the work space, and the bits of the coarsest real
-numbers that are computed; then come the pieces. Unknowns are numbered block by block. One source, two engines, as in
-`loop.py`.
+each has, in how many pieces of memory the unknowns lie, the offset of the work space, the bits of the coarsest real
+numbers that are computed, and whether some foreign block gives directional derivatives; then come the pieces. Unknowns
+are numbered block by block. One source, two engines, as in `loop.py`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Any
 
 from cosim.machine.memory import reals_at, words_at
 
-UNKNOWNS_WORDS = 5
-BLOCKS, EQUATIONS, PIECES, WORK, BITS = range(UNKNOWNS_WORDS)
+UNKNOWNS_WORDS = 6
+BLOCKS, EQUATIONS, PIECES, WORK, BITS, DERIVED = range(UNKNOWNS_WORDS)
 
 # A piece: its offset, bytes from one block to the next, numbers in a block, and by which clock they are computed (from
 # 1; 0: always), or that no row of the loop does so.

@@ -47,8 +47,10 @@ def print_network(network: Network) -> None:
         print_wrapped(f"sampled, and held between: {', '.join(due)}", 2)
     if overview.turns:
         print_wrapped(f"turns are taken in this order: {', '.join(overview.turns)}", 2)
-    for torn, tasks in overview.loops.items():
-        print_wrapped(f"an algebraic loop, solved for {torn}: {', '.join(tasks)}", 2)
+    for ring in overview.loops:
+        by = f", by directional derivatives of {', '.join(ring.derived)}" if ring.derived else ""
+        when = " at initialization" if ring.first else ""
+        print_wrapped(f"an algebraic loop{when}, solved for {', '.join(ring.torn)}{by}: {', '.join(ring.tasks)}", 2)
     _print_conditions(overview)
     if overview.requirements:
         say("\nrequirements, which a run judges:")

@@ -100,6 +100,17 @@ def bits(network: Network, loop: Loop) -> int:
     return min(int(np.finfo(dtype).nmant) for dtype in types if dtype.kind == "f")
 
 
+def derived(network: Network, loop: Loop) -> list[str]:
+    """The blocks of a loop whose part in its equations follows from directional derivatives that they give."""
+    found: dict[str, None] = {}
+    for task in loop.tasks:
+        component = network.components[task.component]
+        foreign = component.declaration.foreign
+        if task.function and foreign and foreign.derives(component, network.function(task)):
+            found[component.name] = None
+    return [*found]
+
+
 def _is_memberwise(network: Network, loop: Loop) -> bool:
     """Whether each member of a fleet depends on itself alone."""
     parts = {task.component for task in loop.tasks}

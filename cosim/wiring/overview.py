@@ -8,7 +8,7 @@ from cosim.errors import CosimError
 from cosim.language import source
 from cosim.language.diagram import Diagram
 from cosim.language.swaps import Swap
-from cosim.wiring import conditions, order, windows
+from cosim.wiring import conditions, loops, order, windows
 from cosim.wiring.network import Component, Finding, Loop, Network
 
 _SHOWN = 40
@@ -42,6 +42,19 @@ class ComponentOverview:
 
 
 @dataclass(frozen=True)
+class Ring:
+    """An algebraic loop: what is solved for, what is evaluated to do so, and whose directional derivatives are used.
+
+    first: whether it is one at initialization only.
+    """
+
+    torn: tuple[str, ...]
+    tasks: tuple[str, ...]
+    derived: tuple[str, ...]
+    first: bool
+
+
+@dataclass(frozen=True)
 class Open:
     """A condition that only a run can judge."""
 
@@ -56,9 +69,8 @@ class Overview:
 
     first_order: coupling is of a lower order than some integrator. unchecked: components of which only their code tells
     what they are, with their files; where there are any, order and conditions are not known. order: functions, as they
-    are evaluated. turns: of blocks, under gauss-seidel. loops: of algebraic ones what is solved for, and what is
-    evaluated to do so. findings: conditions judged; open: those that a run judges. warnings: also of conditions that
-    fail. requirements: their formulas, by name.
+    are evaluated. turns: of blocks, under gauss-seidel. findings: conditions judged; open: those that a run judges.
+    warnings: also of conditions that fail. requirements: their formulas, by name.
     """
 
     diagram: Diagram
@@ -68,7 +80,7 @@ class Overview:
     unchecked: dict[str, str]
     order: tuple[str, ...]
     turns: tuple[str, ...]
-    loops: dict[str, tuple[str, ...]]
+    loops: tuple[Ring, ...]
     findings: tuple[Finding, ...]
     open: tuple[Open, ...]
     warnings: tuple[CosimError, ...]
@@ -80,6 +92,7 @@ def describe(network: Network) -> Overview:
     _, warnings = windows.reduced(network)
     whole = not network.unchecked
     findings = conditions.conditions(network) if whole else []
+    rings = _rings(network, first=False)
     broken = [conditions.as_warning(network, finding) for finding in findings if finding.holds is False]
     run = network.diagram.run
     return Overview(
@@ -90,16 +103,22 @@ def describe(network: Network) -> Overview:
         unchecked={name: str(network.diagram.blocks[name].path) for name in network.unchecked},
         order=tuple(f"{t.component}.{t.function}" for t in order.flat(network.evaluation) if t.function),
         turns=_turns(network),
-        loops={
-            ", ".join(map(str, loop.torn)): tuple(f"{t.component}.{t.function or t.port}" for t in loop.tasks)
-            for loop in network.evaluation
-            if isinstance(loop, Loop)
-        },
+        loops=(*rings, *(ring for ring in _rings(network, first=True) if ring.torn not in {r.torn for r in rings})),
         findings=tuple(findings),
         open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
         warnings=(*warnings, *broken),
         requirements={name: entry.text for name, entry in network.diagram.requirements.items()},
     )
+
+
+def _rings(network: Network, first: bool) -> list[Ring]:
+    """The algebraic loops of a step; first: those at initialization."""
+    found = []
+    for loop in network.initial if first else network.evaluation:
+        if isinstance(loop, Loop):
+            tasks = tuple(f"{task.component}.{task.function or task.port}" for task in loop.tasks)
+            found.append(Ring(tuple(map(str, loop.torn)), tasks, tuple(loops.derived(network, loop)), first))
+    return found
 
 
 def _turns(network: Network) -> tuple[str, ...]:
