@@ -68,8 +68,8 @@ def is_small(base: int, u: Any, times: float) -> bool:
     return small
 
 
-def worst_of(base: int, u: Any) -> int:
-    """The unknown whose residual is the largest over its size, or no number."""
+def worst_of(base: int, u: Any) -> tuple[float, int]:
+    """The largest residual over the size of its unknown, or what is no number; and the block of that unknown."""
     r, size = vector(base, u, R), vector(base, u, SIZE)
     worst, error = 0, 0.0
     for j in range(r.size):
@@ -77,7 +77,7 @@ def worst_of(base: int, u: Any) -> int:
             worst, error = j, abs(r[j]) / size[j]
             if not error < HUGE:
                 break
-    return worst
+    return error, worst // u[EQUATIONS]
 
 
 def progress(base: int, u: Any) -> float:

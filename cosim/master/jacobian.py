@@ -22,6 +22,7 @@ from cosim.master.unknowns import (
     OTHER,
     PIVOTS,
     ROUNDING,
+    ROW_DIVISORS,
     SIZE,
     TRIAL,
     WEIGHT,
@@ -101,8 +102,26 @@ def find_steps(alive: Any, base: int, u: Any, least: float) -> int:
             found = b
         elif pivot < DOUBTFUL * math.sqrt(unit(u)) and found == NONE:
             found = DOUBT
+    columns, rows = vector(base, u, DIVISORS), vector(base, u, ROW_DIVISORS)
     for j in range(r.size):
         step[j] *= size[j]
+        columns[j] /= size[j]
+        rows[j] *= size[j]
+    return found
+
+
+def find_again(base: int, u: Any, found: int) -> int:
+    """Solve for the step of each block once more, from z on, with what `find_steps` has left. Returns what it found."""
+    z, r, kept, step = vector(base, u, Z), vector(base, u, R), vector(base, u, KEPT), vector(base, u, MOVE)
+    columns, rows, n = vector(base, u, DIVISORS), vector(base, u, ROW_DIVISORS), u[EQUATIONS]
+    for j in range(r.size):
+        kept[j] = z[j]
+        step[j] = r[j] / rows[j]
+    for b in range(u[BLOCKS]):
+        pivots = words_at(block_at(base, u, PIVOTS, b), n)
+        substitute(matrix_at(base, u, b), pivots, reals_at(block_at(base, u, MOVE, b), n), n)
+    for j in range(r.size):
+        step[j] /= columns[j]
     return found
 
 
@@ -111,7 +130,8 @@ def eliminate(alive: Any, base: int, u: Any, b: int, least: float) -> float:
     n, matrix = u[EQUATIONS], matrix_at(base, u, b)
     step, columns = reals_at(block_at(base, u, MOVE, b), n), reals_at(block_at(base, u, DIVISORS, b), n)
     pivots = words_at(block_at(base, u, PIVOTS, b), n)
-    balance(alive, matrix, step, columns, reals_at(block_at(base, u, LARGEST, b), n), n)
+    rows, largest = reals_at(block_at(base, u, ROW_DIVISORS, b), n), reals_at(block_at(base, u, LARGEST, b), n)
+    balance(alive, matrix, step, columns, rows, largest, n)
     pivot = factor(alive, matrix, pivots, n, least)
     substitute(matrix, pivots, step, n)
     for j in range(n):

@@ -86,14 +86,14 @@ def substitute(at: int, pivots: Any, x: Any, n: int) -> None:
         x[i] /= own[i]
 
 
-def balance(alive: Any, at: int, x: Any, columns: Any, largest: Any, n: int) -> None:
+def balance(alive: Any, at: int, x: Any, columns: Any, rows: Any, largest: Any, n: int) -> None:
     """Make the largest entries of all rows and columns about 1, by Ruiz's method, with the right-hand side x.
 
-    columns: what they are divided by; largest: a vector to work with. Zeros of which nothing tells the size are said to
-    be of size 1, which may be far from it.
+    columns, rows: what they are divided by; largest: a vector to work with. Zeros of which nothing tells the size are
+    said to be of size 1, which may be far from it.
     """
     for j in range(n):
-        columns[j] = 1.0
+        columns[j] = rows[j] = 1.0
     for _ in range(SWEEPS if n > 1 else 1):
         alive[0] += 1
         for j in range(n):
@@ -102,6 +102,7 @@ def balance(alive: Any, at: int, x: Any, columns: Any, largest: Any, n: int) -> 
             own = row(at, i, n)
             by = divisor(largest_of(own, 0, n))
             x[i] /= by
+            rows[i] *= by
             for j in range(n):
                 own[j] /= by
                 largest[j] = max(largest[j], abs(own[j]))

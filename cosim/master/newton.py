@@ -12,7 +12,8 @@ answer; else J is looked at again. What a sampled block holds is no unknown betw
 Derivatives that FMUs give say where to go, and no more. Whether z is a solution, and the only one near by, f says: J is
 made by differences alone for that, unless derivatives, later than the first time, have just led to where they said. So
 a wrong one costs evaluations, but no figure. Where steps by derivatives have missed several times, differences go on.
-Of an f that is rounded, as what an FMU iterates inside may be, derivatives know better what nothing determines.
+Of an f that is rounded, as what an FMU iterates inside may be, derivatives know better what nothing determines. As they
+may cost more than f, steps go on by the same ones as long as that is cheaper.
 
 Equations of different members of a fleet that do not depend on each other are solved side by side. One source, two
 engines, as in `loop.py`.
@@ -43,6 +44,7 @@ from cosim.master.jacobian import (
     begin_sums,
     difference_at,
     fill_column,
+    find_again,
     find_steps,
     zero_of,
 )
@@ -98,9 +100,10 @@ from cosim.master.unknowns import (
 MOST_ITERATIONS = 50
 REST = 2.0**-16  # of an unknown that a step takes away: what differences make of a zero
 SMALLEST_PART = 2.0**-10  # of a step, that is tried where the whole leads astray
-AS_TOLD = 2.0**-10  # of a residual, what is left of it where a step leads to where derivatives said
+AS_TOLD = 2.0**-4  # of a residual, what is left of it at most where a step leads to where derivatives said
 MISSED = 0.25  # from here on, it does not
 MOST_MISSES = 3
+FLOOR = 4.0  # rounding units of what f adds up: a residual that no step makes smaller
 UNDETERMINED = -1.0  # in place of an error: other values would do as well
 GO_ON = -1  # in place of a status: the last step was not the last
 
@@ -118,30 +121,30 @@ def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
     """Go from a guess to the solution. Returns the status."""
     u = unknowns(place(c, base, o))
     status = residual(c, base, o, time, later, F, R)
-    first, regular, difference = row_of(c, o)[C] == ALL_FIRST, False, math.sqrt(unit(u))
-    misses = 0 if u[DERIVED] != 0 else MOST_MISSES
+    first, difference, singular = row_of(c, o)[C] == ALL_FIRST, math.sqrt(unit(u)), DOUBT
+    regular, heard, again, misses = False, False, False, 0 if u[DERIVED] != 0 else MOST_MISSES
     for iteration in range(MOST_ITERATIONS):
         measure(base, u)
         small = status <= WARNING and is_small(base, u, 1.0)
-        if small:
-            if iteration == 0 and not first:
-                status = disturb(c, base, o, time, later)
-                regular = all_answer(base, u)
-            if regular:
-                exchange(base, place(c, base, o), vector(base, u, Z), True)
-                return status
+        if small and iteration == 0 and not first:
+            status = disturb(c, base, o, time, later)
+            regular = all_answer(base, u)
+        if small and regular:
+            return publish(c, base, o, status)
         if status <= WARNING and not are_numbers(base, u):
-            status = fall_back(c, base, o, time, later)
+            status, again = fall_back(c, base, o, time, later), False
             continue
-        along = misses < MOST_MISSES and not small
-        if status <= WARNING:
-            status = linearize(c, base, o, time, later, difference if iteration % 2 == 0 else -difference, along)
+        along, side = misses < MOST_MISSES and not small, difference if iteration % 2 == 0 else -difference
+        again = again and along
+        if again:
+            singular = find_again(base, u, singular)
+        elif status <= WARNING:
+            status, singular = aim(c, base, o, time, later, side, along)
         if status > WARNING:
             return status
-        singular = find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(u))
         regular = singular == NONE and u[DERIVED] == 0
         if not along and is_small(base, u, 1.0):
-            status = conclude(c, base, o, time, later, singular)
+            status = conclude(c, base, o, time, later, singular, heard)
             if status != GO_ON:
                 return status
             status = OK
@@ -150,10 +153,27 @@ def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
         status = step_on(c, base, o, time, later)
         if along:
             left = progress(base, u)
-            regular = singular == NONE and not first and left <= AS_TOLD * before
-            misses += 0 if left <= MISSED * before else 1 if left < before else MOST_MISSES
-    worst = worst_of(base, u)
-    return give_up(c, base, o, abs(vector(base, u, R)[worst]) / vector(base, u, SIZE)[worst], worst // u[EQUATIONS])
+            misses += missed(before, left, unit(u))
+            heard = heard if again else singular == NONE and left <= AS_TOLD * before
+            regular, again = heard and not first, pays(u[EQUATIONS], before, left, unit(u))
+    return give_up(c, base, o, *worst_of(base, u))
+
+
+def missed(before: float, left: float, unit: float) -> int:
+    """How much a step by derivatives misses what they said, by what it has left of a residual."""
+    if left <= FLOOR * unit:
+        return MOST_MISSES  # differences alone tell what is rounding
+    if left <= MISSED * before:
+        return 0
+    return 1 if left < before else MOST_MISSES
+
+
+def pays(n: int, before: float, left: float, unit: float) -> bool:
+    """Whether another step by the same slopes is cheaper than by those of n unknowns anew, which it takes twice."""
+    rate = 2.0 * left / before if left <= AS_TOLD * before else 1.0
+    for _ in range(2 * min(n, MOST_ITERATIONS) + 2):
+        left *= rate
+    return left <= unit
 
 
 def begin(c: Any, base: int, o: int) -> None:
@@ -187,18 +207,18 @@ def note_held(c: Any, base: int, o: int) -> None:
                 j += 1
 
 
-def conclude(c: Any, base: int, o: int, time: float, later: float, singular: int) -> int:
+def conclude(c: Any, base: int, o: int, time: float, later: float, singular: int, heard: bool) -> int:
     """Take a last step, and publish z, of which a steep f makes more than it is. Returns the status, or GO_ON.
 
-    singular: the first block that leaves its unknowns undetermined; -1 if none is known to.
+    singular: the first block that leaves its unknowns undetermined; -1 if none is known to. heard: whether derivatives
+    have said already that they know of none.
     """
     u = unknowns(place(c, base, o))
     z, step = vector(base, u, Z), vector(base, u, MOVE)
     if singular == DOUBT:
-        status = linearize(c, base, o, time, later, COARSE, False)
+        status, singular = aim(c, base, o, time, later, COARSE, False)
         if status > WARNING:
             return status
-        singular = find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(u))
         for j in range(z.size):
             step[j] = 0.0
     if singular >= 0:
@@ -208,11 +228,14 @@ def conclude(c: Any, base: int, o: int, time: float, later: float, singular: int
     status = take(base, u, residual(c, base, o, time, later, TRIAL, R))
     if status <= WARNING and not is_small(base, u, 4.0):
         return GO_ON
-    if status <= WARNING and u[DERIVED] != 0:
+    if status <= WARNING and u[DERIVED] != 0 and not heard:
         status = consult(c, base, o, time, later)
-    if status > WARNING:
-        return status
-    exchange(base, place(c, base, o), z, True)
+    return publish(c, base, o, status) if status <= WARNING else status
+
+
+def publish(c: Any, base: int, o: int, status: int) -> int:
+    """What has been found is what there is. Returns the status."""
+    exchange(base, place(c, base, o), vector(base, unknowns(place(c, base, o)), Z), True)
     return status
 
 
@@ -221,15 +244,13 @@ def consult(c: Any, base: int, o: int, time: float, later: float) -> int:
 
     Near by, an f that is rounded says nothing. Else f is evaluated at z again. Returns the status.
     """
-    u, alive = unknowns(place(c, base, o)), c[ALIVE : ALIVE + 1]
-    status = linearize(c, base, o, time, later, math.sqrt(unit(u)), True)
-    doubt = status <= WARNING and find_steps(alive, base, u, zero_of(u)) != NONE
-    if doubt:
-        status = linearize(c, base, o, time, later, COARSE, True)
-        doubt = status <= WARNING and find_steps(alive, base, u, zero_of(u)) >= 0
-    if doubt:
+    u = unknowns(place(c, base, o))
+    status, found = aim(c, base, o, time, later, math.sqrt(unit(u)), True)
+    if status <= WARNING and found != NONE:
+        status, found = aim(c, base, o, time, later, COARSE, True)
+    if status <= WARNING and found >= 0:
         status = linearize(c, base, o, time, later, COARSE, False)
-        found = find_steps(alive, base, u, FAR) if status <= WARNING else NONE
+        found = find_steps(c[ALIVE : ALIVE + 1], base, u, FAR) if status <= WARNING else NONE
         if found >= 0:
             return give_up(c, base, o, UNDETERMINED, found)
     return residual(c, base, o, time, later, F, R) if status <= WARNING else status
@@ -249,6 +270,15 @@ def give_up(c: Any, base: int, o: int, error: float, b: int) -> int:
 
 
 # ---- steps ----
+
+
+def aim(c: Any, base: int, o: int, time: float, later: float, difference: float, along: bool) -> tuple[int, int]:
+    """Solve for the step of each block, with matrices as of `linearize`. Returns the status; and as of `find_steps`."""
+    u = unknowns(place(c, base, o))
+    status = linearize(c, base, o, time, later, difference, along)
+    if status > WARNING:
+        return status, NONE
+    return status, find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(u))
 
 
 def linearize(c: Any, base: int, o: int, time: float, later: float, difference: float, along: bool) -> int:

@@ -25,9 +25,9 @@ NO_ROW = -1
 # step; z before it, f at a trial; sizes; what f adds up; its rounding errors as differences say, and as those of the
 # other side said; the residual that is allowed; 1 where nothing computes the unknown now, else 0; what rows and columns
 # of a matrix are divided by, and which rows change places.
-UNKNOWNS_VECTORS = 15
+UNKNOWNS_VECTORS = 16
 Z, F, R, MOVE, KEPT, TRIAL, SIZE, WEIGHT, ROUNDING, OTHER, ALLOWED, HELD = range(12)
-DIVISORS, LARGEST, PIVOTS = range(12, UNKNOWNS_VECTORS)
+DIVISORS, ROW_DIVISORS, LARGEST, PIVOTS = range(12, UNKNOWNS_VECTORS)
 
 
 def unknowns(at: int) -> Any:

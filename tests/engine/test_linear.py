@@ -52,8 +52,9 @@ def test_a_balanced_matrix_has_entries_of_about_one_and_the_same_solutions(n):
     rng = np.random.default_rng(n)
     matrix = rng.uniform(0.5, 2.0, (n, n)) * 10.0 ** rng.integers(-12, 12, (n, 1)) * 10.0 ** rng.integers(-12, 12, n)
     mine, right = matrix.copy(), np.ones(n)
-    rows, columns, largest = right.copy(), np.zeros(n), np.zeros(n)
-    balance(np.zeros(1, np.int64), mine.ctypes.data, rows, columns, largest, n)
+    columns, rows, largest = np.zeros((3, n))
+    balance(np.zeros(1, np.int64), mine.ctypes.data, right, columns, rows, largest, n)
     for axis in (0, 1):
         assert (np.abs(np.abs(mine).max(axis) - 1.0) < 0.9).all()
-    np.testing.assert_allclose(mine, matrix * rows[:, None] / columns, rtol=1e-13)
+    np.testing.assert_allclose(mine, matrix / rows[:, None] / columns, rtol=1e-13)
+    np.testing.assert_allclose(right * rows, np.ones(n), rtol=1e-13)

@@ -176,7 +176,7 @@ def test_a_fatal_answer_ends_the_run(solved, engine):
 
 def test_a_warning_is_counted(fmus, tmp_path):
     path = tmp_path / "d.yaml"
-    given = f"K11: 0.3, b1: 1, answer: {slopes.ANSWERS.index('warning')}, nth: 3"
+    given = f"K11: 0.3, b1: 1, answer: {slopes.ANSWERS.index('warning')}"
     path.write_text(ALONE.format(fmu=fmus["3 me"], parameters=given))
     outcome = run.Run(run.load(path)).execute()
     assert outcome.status == "completed"
