@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim import Block, Input, Output, Parameter, rule
 
@@ -17,6 +18,14 @@ def terms(*others: object) -> int:
     return max([1, *(k for k, source in enumerate(others, start=2) if source is not None)])
 
 
+def wired(signs: NDArray, u_2: object, u_3: object, u_4: object, u_5: object, u_6: object) -> tuple[bool, str]:
+    """Whether all terms with a sign are wired, as the first always is; six of 1 are the default, for any number."""
+    further = enumerate((u_2, u_3, u_4, u_5, u_6), start=2)
+    missing = [f"u_{k}" for k, source in further if k <= len(signs) and source is None]
+    default = len(signs) == 6 and bool(np.all(signs == 1))
+    return default or not missing, f"{len(signs)} signs, and no {', '.join(missing)}"
+
+
 class Sum(Block):
     """The sum of up to six signals, each with its sign.
 
@@ -24,7 +33,7 @@ class Sum(Block):
 
         y = signs[0] u_1 + signs[1] u_2 + …
 
-    `signs: [1, -1]` is a difference. Without signs, all are added.
+    `signs: [1, -1]` is a difference: each sign has its input. Without signs, all that is wired is added.
     """
 
     u_1 = Input("n?", description="first term")
@@ -42,6 +51,7 @@ class Sum(Block):
     enough = rule("a sign for each input that is wired")(
         lambda signs, u_2, u_3, u_4, u_5, u_6: (len(signs) >= terms(u_2, u_3, u_4, u_5, u_6), f"{len(signs)} signs")
     )
+    used = rule("a wire or a constant for each sign")(wired)
 
     def outputs(u_1, u_2, u_3, u_4, u_5, u_6, signs, y):
         count = signs.size

@@ -20,7 +20,10 @@ from cosim.wiring.network import Component, Finding, Network, Signal
 
 @dataclass(frozen=True)
 class Source:
-    """What a block's rule sees of the block at the other end of a wire, and through `inputs` of those before it."""
+    """What a block's rule sees of the block at the other end of a wire, and through `inputs` of those before it.
+
+    A constant in the place of a wire is seen as a block `Constant` without parameters.
+    """
 
     block: str
     parameters: dict[str, np.ndarray]
@@ -181,6 +184,8 @@ def _arguments(
     if name in known:
         return [known[name]]
     if isinstance(component.declaration.variables[name], Input):
+        if name in component.entry.constants:
+            return [Source("Constant", {})]
         return [_source(components, source) for source in _first_of_each(component.wires.get(name, ()))] or [None]
     value = component.values[name]
     own = value[member if len(value) > 1 else 0]

@@ -57,6 +57,43 @@ def test_a_term_without_a_sign_is_told(tmp_path):
         run.load(path)
 
 
+@pytest.mark.parametrize(
+    ("inputs", "signs", "missing"),
+    [
+        ("u_1: s.y", "[1, -1]", "u_2"),
+        ("u_1: s.y, u_3: s.y", "[1, -1, 1]", "u_2"),
+        ("u_1: s.y, u_2: s.y", "[1, 1, 1, -1]", "u_3, u_4"),
+        ("u_1: s.y, u_2: s.y", "[1, 1, 1]", "u_3"),
+        ("u_1: s.y, u_2: 3", "[1, -1]", None),
+        ("u_1: 2, u_2: s.y", "[1, -1]", None),
+        ("u_1: s.y", "[-1]", None),
+        ("u_1: s.y, u_3: s.y", None, None),
+    ],
+)
+def test_a_sign_whose_term_is_not_wired_is_told(tmp_path, inputs, signs, missing):
+    path = tmp_path / "d.yaml"
+    given = f", parameters: {{signs: {signs}}}" if signs else ""
+    path.write_text(
+        "run: {stop: 1, step: 0.1}\nblocks:\n  s: {block: Sine}\n"
+        f"  b: {{block: Sum, inputs: {{{inputs}}}{given}}}\n"
+    )
+    if missing is None:
+        run.load(path)
+        return
+    with pytest.raises(DiagramErrors, match=f"a wire or a constant for each sign(.|\n)*and no {missing}"):
+        run.load(path)
+
+
+def test_a_constant_term_without_a_sign_is_told(tmp_path):
+    path = tmp_path / "d.yaml"
+    path.write_text(
+        "run: {stop: 1, step: 0.1}\nblocks:\n  s: {block: Sine}\n"
+        "  b: {block: Sum, inputs: {u_1: s.y, u_2: s.y, u_3: 4}, parameters: {signs: [1, -1]}}\n"
+    )
+    with pytest.raises(DiagramErrors, match="a sign for each input that is wired"):
+        run.load(path)
+
+
 def test_a_lag_of_no_input_and_sampled_blocks_without_a_period(tmp_path):
     path = tmp_path / "d.yaml"
     path.write_text(
