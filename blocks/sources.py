@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cosim import Block, Indicator, Output, Parameter, State, rule
 
@@ -222,6 +223,15 @@ class Square(Block):
                 next_edges[q] = edges[q] + 1
 
 
+def knot_time(number: int, times: NDArray, repeat: bool) -> float:
+    """When a knot of a table is (s), which may begin anew where it ends; never, beyond a table that does not."""
+    last = times.size - 1
+    if repeat and last > 0:
+        cycle = number // last
+        return times[number - cycle * last] + cycle * (times[last] - times[0])
+    return times[number] if number <= last else math.inf
+
+
 class TableSource(Block):
     """A signal from a table of times and values, by lines between them, or held from one to the next.
 
@@ -230,33 +240,45 @@ class TableSource(Block):
         y = values[k] + (values[k+1] - values[k]) (t - times[k]) / (times[k+1] - times[k])    (hold: values[k])
 
     for times[k] <= t < times[k+1]; the first value before the table, the last one after it. With `repeat`, the table
-    begins anew where it ends. Values: one each time, or a row.
+    begins anew where it ends. Values: one each time, or a row. Kinks and jumps are events.
     """
 
     times = Parameter("rows", unit="s", description="times, ascending")
     values = Parameter("rows", "n?", description="value, or row of values, at each time")
     hold = Parameter(dtype=bool, unit="1", default=False, description="hold each value, instead of lines between")
     repeat = Parameter(dtype=bool, unit="1", default=False, description="begin anew where the table ends")
+    passed = State(dtype=np.int64, start=0, unit="1", description="knots that have been")
+    due = Indicator(crossing="falling", unit="s", description="time to the next knot")
     y = Output("n?", description="the signal")
 
     ascending = rule("times ascending")(lambda times: bool(np.all(np.diff(times) > 0.0)))
 
-    def outputs(time, times, values, hold, repeat, y):
-        length, last = times[times.size - 1] - times[0], times.size - 1
-        at = times[0] + (time - times[0]) % length if repeat and length > 0.0 else time
-        below, above = 0, last
-        while above - below > 1:
-            middle = (below + above) // 2
-            if times[middle] <= at:
-                below = middle
-            else:
-                above = middle
-        part = 0.0
-        if at >= times[last]:
-            below = last
-        elif at > times[0] and not hold:
-            part = (at - times[below]) / (times[above] - times[below])
+    def start(time, times, repeat, passed):
+        first, last = times[0], times.size - 1
+        begun = math.floor((time - first) / (times[last] - first)) * last if repeat and last > 0 else 0
+        for _ in range(times.size):
+            if knot_time(begun, times, repeat) <= time:
+                begun += 1
+        passed[0] = begun
+
+    def outputs(time, times, values, hold, repeat, passed, y):
+        last, part = times.size - 1, 0.0
+        k = passed - 1
+        if repeat and last > 0:
+            k = k % last
+        if 0 <= k < last and not hold:
+            begin = knot_time(passed - 1, times, repeat)
+            part = (time - begin) / (times[k + 1] - times[k])
         for q in range(y.size):
-            y[q] = values[below, q]
-            if part > 0.0:
-                y[q] += part * (values[above, q] - values[below, q])
+            below = values[max(0, min(k, last)), q]
+            y[q] = below
+            if part != 0.0:
+                y[q] += part * (values[k + 1, q] - below)
+
+    def indicators(time, times, repeat, passed, due):
+        knot = knot_time(passed, times, repeat)
+        due[0] = time_to(knot, time) if knot < math.inf else 1.0
+
+    def event(due, passed, next_passed):
+        if due < 0:
+            next_passed[0] = passed + 1
