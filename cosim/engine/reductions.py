@@ -30,7 +30,7 @@ class Reductions:
         self.network = network
         self.metrics, self.warnings = windows.reduced(network)
         self.monitors = required.monitors(network, native)
-        self.enders = {name for name, entry in network.diagram.requirements.items() if entry.ends}
+        self.enders = [name for name, entry in network.diagram.requirements.items() if entry.ends]
         self.violated: Verdict | None = None  # of these
         self._events = _events(network)
         self._courses = _courses(network)
@@ -119,14 +119,15 @@ class Reductions:
 
     def verdicts(self, ended: bool) -> dict[str, Verdict]:
         """By how much each requirement is kept; ended: whether the run has come to its end."""
-        texts = self.network.diagram.requirements
-        return {name: verdict(name, texts[name].text, m.robustness(ended)) for name, m in self.monitors.items()}
+        return {name: self._verdict(name, ended) for name in self.monitors}
+
+    def _verdict(self, name: str, ended: bool) -> Verdict:
+        return verdict(name, self.network.diagram.requirements[name].text, self.monitors[name].robustness(ended))
 
     def ends(self) -> bool:
         """Whether a requirement is `violated` that ends the run."""
-        if self.enders:
-            judged = self.verdicts(False)
-            self.violated = next((judged[name] for name in sorted(self.enders) if judged[name].holds is False), None)
+        judged = (self._verdict(name, False) for name in self.enders)
+        self.violated = next((one for one in judged if one.holds is False), None)
         return self.violated is not None
 
     def conditions(self) -> list[Finding]:

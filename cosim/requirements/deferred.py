@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from cosim.language.formula_tree import Condition, Junction, Not, Temporal, Until, conditions, horizon, is_open
+from cosim.requirements.extrema import NEAR
 from cosim.requirements.gaps import gap, gaps
-from cosim.requirements.judges import NEAR, Bounds, Judge, Moment, course, unknown
+from cosim.requirements.judges import Bounds, Judge, Moment, course, unknown
 from cosim.requirements.operators import Operators
 from cosim.requirements.terms import Array, Quantity, Samples
 

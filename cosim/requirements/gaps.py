@@ -8,9 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.language.formula_tree import Condition, Temporal, Until, conditions
+from cosim.requirements.extrema import NEAR
 from cosim.requirements.terms import Array
-
-NEAR = 1e-9  # of a time: as near as that, a sample lies on a window's bound
 
 
 def gaps(times: Array, part: Temporal | Until, count: int) -> Array:

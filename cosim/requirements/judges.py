@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import FormulaError
+from cosim.requirements.extrema import NEAR
 from cosim.requirements.terms import Array, Quantity, Samples, spreader
 
-NEAR = 1e-9  # of a time: as near as that, a sample lies on a window's bound
 Bounds = tuple[Array, Array]
 """The lowest and the highest that a robustness may yet be, (*shape) each; equal where it is settled."""
 

@@ -23,6 +23,7 @@ from cosim.language.formula_tree import (
     conditions,
     horizon,
     is_instant,
+    is_open,
     mentions,
 )
 from cosim.requirements.deferred import Deferred
@@ -99,9 +100,9 @@ class Monitor:
     def _why_not(self, ended: bool) -> str:
         if empty := self._judge.empty:
             return f"no sample lies within {empty} s"
-        if needed := horizon(self._condition):
-            return f"its windows need {needed:g} s"
-        return "" if ended else "the run did not come to its end"
+        if not ended and is_open(self._condition):
+            return "the run did not come to its end"
+        return f"its windows need {horizon(self._condition):g} s"
 
     def state(self) -> dict[str, Any]:
         """What it has made of the samples so far: arrays, to the bit."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError, ResultError
+from cosim.requirements.verdict import WORDS
 from cosim.study import dataset, file_names, kept, running, study_file, table_files, text_tables
 from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
@@ -105,5 +106,7 @@ def _run_member(study: Any, name: str, folder: Path) -> int:
     print(f"recorded in {running.member_file(folder, chosen)}")
     if row["status"] != "completed":
         return STOPPED
+    for requirement, (holds, place) in row["requirements"].items():
+        screen.say(f"{requirement}: {WORDS[holds]}, {place}" if place else f"{requirement}: {WORDS[holds]}")
     judged = [holds for holds, _ in row["requirements"].values()]
     return VIOLATED if False in judged else UNCERTAIN if None in judged else DONE

@@ -330,11 +330,14 @@ def test_of_a_run_that_a_block_ends_open_windows_are_undecided(judged):
       kept: always(swing.x > -2)
       violated: always(swing.x < 0)
       early: eventually[0, 1](swing.x > 0)
+      nested: always(eventually[0, 0.1](swing.x > -2))
+      late: always[0, 4](swing.x > -2)
     """
     code, found = judged(text)
     assert code == 1
-    assert [v["holds"] for v in found.values()] == [None, False, True]
-    assert found["kept"]["reason"] == "the run did not come to its end"
+    assert [v["holds"] for v in found.values()] == [None, False, True, None, None]
+    assert found["kept"]["reason"] == found["nested"]["reason"] == "the run did not come to its end"
+    assert found["late"]["reason"] == "its windows need 4 s"
 
 
 def test_of_a_run_that_diverges(judged):
