@@ -216,7 +216,7 @@ def test_a_variant_may_have_any_other_name(study, name):
             "takes single numbers",
             "1:96",
         ),
-        ("{diagram: diagram.yaml, metrics: {steps: {signal: lag.x, reduce: max}}}", "no metric can be called", "1:35"),
+        ("{diagram: diagram.yaml, metrics: {steps: {signal: lag.x, reduce: max}}}", "no figure can be called", "1:35"),
         (
             "{diagram: diagram.yaml, random: {count: 1, draws: {blocks.lag.start.x: {uniform: [[0, 0, 0], 1]}}}}",
             "has the shape (3, 2), and its draw the shape (3,)",
