@@ -61,7 +61,8 @@ def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
         if good:
             problems.attempt(compile_object, name, good)  # what is wrong with the others
         problems.raise_one_or_all()
-    return str(library.linked()) + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+    linked = _powers_of_c(str(library.linked()))
+    return linked + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
 
 
 def _add(source: KernelSource, library: Any) -> None:
@@ -91,6 +92,18 @@ def _add(source: KernelSource, library: Any) -> None:
         )
     library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
 
+
+def _powers_of_c(ir: str) -> str:
+    """The IR with powers as the C library computes them, as the interpreter asks it to.
+
+    LLVM makes a root of `x**0.5`, a product of `x**2.0` and an exp2 of `2.0**x`, which differ in the last bit, wherever
+    it sees the constant.
+    """
+    called = ir.replace("@llvm.pow.f64(", "@pow(")
+    return re.sub(r"^declare double @pow\(.*$", _POW, called, flags=re.MULTILINE)
+
+
+_POW = "declare double @pow(double, double) nobuiltin nocallback nofree nosync nounwind willreturn memory(none)"
 
 #: numba's array views are typed with a reference count; those that kernels see own nothing.
 _NO_REFERENCE_COUNTS = """

@@ -165,6 +165,35 @@ def test_other_numbers_are_computed_alike(tmp_path, trajectories, scale):
     assert_equal(native, python, reals)
 
 
+POWERS = """
+from cosim import Block, Input, Output
+
+
+class Powers(Block):
+    u = Input("n")
+    y = Output("n", 4)
+
+    def outputs(u, y):
+        for k in range(u.size):
+            y[k, 0] = u[k] ** 0.5
+            y[k, 1] = u[k] ** 2.0
+            y[k, 2] = 2.0 ** u[k]
+            y[k, 3] = 10.0 ** u[k]
+"""
+
+
+def test_powers_with_a_constant_are_those_of_the_c_library(tmp_path, trajectories):
+    """One in a thousand differs in its last bit from the root, the product and the exp2 that LLVM would make of it."""
+    (tmp_path / "own.py").write_text(POWERS)
+    values = np.random.default_rng(3).uniform(0.0, 30.0, 20_000).tolist()
+    block = {"python": "own.py:Powers", "inputs": {"u": values}}
+    (tmp_path / "d.yaml").write_text(json.dumps({"run": {"stop": 1, "step": 1}, "blocks": {"b": block}}))
+    network = run.load(tmp_path / "d.yaml")
+    native, python = (trajectories(network, "b.y", engine=engine)["b.y"][0] for engine in ("native", "python"))
+    np.testing.assert_array_equal(native, python)
+    np.testing.assert_array_equal(native, [[u**0.5, u**2.0, 2.0**u, 10.0**u] for u in values])
+
+
 COUNTED = """
 import numpy as np
 from cosim import Block, Output, Parameter
