@@ -114,7 +114,14 @@ class TooLarge(CosimError):
 
 
 class ExpressionError(CosimError):
-    """An arithmetic expression that cannot be read or evaluated."""
+    """An arithmetic expression that cannot be read or evaluated. offset: where in its text, in characters."""
+
+    offset = 0
+
+    def at(self, offset: int) -> ExpressionError:
+        """The same, said of what stands at an offset."""
+        self.offset = offset
+        return self
 
 
 class UnknownSetting(CosimError):

@@ -105,7 +105,8 @@ def _check(tuning: Tuning, diagram: Diagram) -> None:
 
 
 def _is_constant(name: str) -> bool:
-    from cosim.language.expression import CONSTANTS, FUNCTIONS
+    from cosim.language.elementary import FUNCTIONS
+    from cosim.language.expression import CONSTANTS
 
     return name in CONSTANTS or name in FUNCTIONS
 

@@ -80,7 +80,7 @@ MISTAKES = {
     "400 digits": ("T: [1, 2, 3]", f"T: {'9' * 400}", 9, "beyond the range", "1.7e308"),
     "an expression that is too large": ("T: [1, 2, 3]", "T: 1e308*10", 9, "too large for a number", "inf"),
     "not a number": ("T: [1, 2, 3]", "T: .nan", 9, "no value to calculate with", "give a number"),
-    "a look-alike of a minus sign": ("T: [1, 2, 3]", "T: −1", 9, "neither a number nor", "write a number"),
+    "a look-alike of a minus sign": ("T: [1, 2, 3]", "T: −1", 9, "neither a number nor", "minus sign of the keyboard"),
     "a number with a unit": ("T: [1, 2, 3]", "T: 3 s", 9, "neither a number nor", "write a number"),
     "a division by zero": ("T: [1, 2, 3]", "T: 1/(N-3)", 9, "cannot be evaluated: .*division by zero", "check"),
     "a file name with NUL": ("type: Lag", 'python: "no\\0where.py:Lag"', 7, "invisible character NUL", "remove"),
