@@ -12,11 +12,14 @@ from cosim.engine.layout import UNWRITTEN
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError, Diverged, Terminated
+from cosim.language.entry import outputs_of
 from cosim.master import integration, linear, loop, newton, tables
 from cosim.wiring.network import Component
 
 #: An error of a loop, over the unknown's size, that may be what an FMU iterates to inside.
 COARSE = 1e-3
+#: The usual fix for what has no value.
+_DOMAIN = "keep to where the expression has a value, as sqrt(max(x, 0)) and if(x > 0, 1/x, 0) do"
 KINDS = {"output": "output", "calculatedParameter": "calculated parameter"}
 
 
@@ -35,6 +38,8 @@ def divergence(program: Program, arena: np.ndarray, offset: int, time: float) ->
     kind = "state" if is_state else KINDS.get(variable.causality, "local")
     message = f"block {signal.component}: {kind} `{name}`{member} {what} at t = {time:g} s"
     fix = "try a smaller step, or look at what drives it" if is_state else "look at what it is computed from"
+    if component.entry.kind == "expression" and variable.causality == "output":
+        return Diverged(message, outputs_of(component.entry.type)[variable.name].position, _DOMAIN)
     return Diverged(message, component.entry.position, fix)
 
 
@@ -167,6 +172,12 @@ def failure(program: Program, arena: np.ndarray, call: Call, time: float, interp
     fault = faults.left(arena.ctypes.data + call.frame) or faults.Fault("an error", time, 0)
     component = program.network.components[call.component]
     member = f" of {component.fleet} {fault.instance + 1}" if component.fleet else ""
+    if component.entry.kind == "expression":  # of which nothing else fails
+        output = call.function.arguments[-1]
+        message = (
+            f"block {call.component}: output `{output}`{member} compares what is no number at t = {fault.time:g} s"
+        )
+        return BlockFailed(message, outputs_of(component.entry.type)[output].position, _DOMAIN)
     message = f"block {call.component}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
     fix = "set a breakpoint in the block" if interpreted else "run with `--engine python` to step through it"
     return BlockFailed(message, component.entry.position, fix)

@@ -95,7 +95,7 @@ class BlockDiagram:
         """Another diagram with other types of blocks, as of `--swap`: `.swap(plant="plant.fmu", observer=MyObserver)`.
 
         types: by block, for names that are no words of Python. A type is a name of the library, `file.py:Class`, an
-        .fmu, a .yaml, or a class. Raises: DiagramErrors for a block that there is not, WrongType.
+        .fmu, a .yaml, a class, or an expression. Raises: DiagramErrors for a block that there is not, WrongType.
         """
         pairs = [*(_items(types, "swap") if types is not None else ()), *by_name.items()]
         return self._changed([Change(name, node_of(new, _place("swap", name)), is_swap=True) for name, new in pairs])

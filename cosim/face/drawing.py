@@ -21,7 +21,7 @@ LANE = 9.0
 """Pixels between two wires that lead back."""
 SWEEPS = 8
 _CHARACTERS = 22
-_FILLS = {"fmu": "#fdf1dc", "block": "#eef3fb", "python": "#eaf6ec"}
+_FILLS = {"fmu": "#fdf1dc", "block": "#eef3fb", "python": "#eaf6ec", "expression": "#f5eef8"}
 _STYLE = (
     "text{font-family:sans-serif;font-size:11px;text-anchor:middle;fill:#222}.n{font-weight:bold;font-size:12px}"
     "rect{stroke:#44546a;rx:4}path{fill:none;stroke:#5b6b82;stroke-width:1.2}.b{stroke:#b0632f;stroke-dasharray:5 3}"
@@ -166,8 +166,9 @@ def _curve(pair: tuple[str, str], places: Mapping[Slot, Point], lane: float | No
 def _box(network: Network, name: str, x: float, y: float) -> str:
     component = network.components[name]
     many = f"{component.count} × " if component.fleet else ""
-    kind = f"{many}{component.declaration.name}"
-    tip = [f"{name}: {kind}", *component.declaration.doc.split("\n\n")[:1]]
+    said = component.declaration.doc.split("\n\n")[:1]
+    kind = f"{many}{said[0] if component.entry.kind == 'expression' else component.declaration.name}"
+    tip = [f"{name}: {many}{component.declaration.name}", *said]
     fill = _FILLS.get(component.entry.kind, _FILLS["block"])
     middle = x + BOX / 2
     return (

@@ -26,7 +26,7 @@ from cosim.errors import (
 from cosim.integrators import REFERENCES, Integration
 from cosim.language import grammar, source
 from cosim.language.embedding import Unfolded, unfold
-from cosim.language.entry import BlockEntry
+from cosim.language.entry import BlockEntry, type_in_full
 from cosim.language.keys import (
     ANIMATION,
     DIAGRAM,
@@ -225,7 +225,7 @@ def note_inherited(diagram: Diagram, problems: Problems) -> None:
         if error.position in from_other_type and isinstance(error.position, Position):
             entry = from_other_type[error.position]
             assert entry.type.replaces
-            said = f"inherited: written at {error.position} for {entry.type.replaces[1].value}"
+            said = f"inherited: written at {error.position} for {type_in_full(*entry.type.replaces)}"
         elif error.position and error.position.file in extended and error.position.line:
             said = f"inherited: {diagram.path} extends {error.position.file}"
         else:

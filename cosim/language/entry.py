@@ -12,22 +12,25 @@ from typing import Any
 
 from cosim.errors import Position, UnknownKey, WrongValue, nearest
 from cosim.language.data_files import FromFile
-from cosim.language.keys import BLOCK, NATIVE, TYPES, WIRE, read_named, read_value
+from cosim.language.keys import BLOCK, TYPES, WIRE, read_named, read_value
+from cosim.language.misreadings import shown
 from cosim.language.reader import Reader, is_constant
 from cosim.language.source import Node, describe
 
-SECTIONS = tuple(name for name, key in BLOCK.items() if key.below and key.kinds == TYPES)
+SECTIONS = tuple(name for name, key in BLOCK.items() if key.below and key.kinds == TYPES and name not in TYPES)
 """The keys below which a block says something of what its type declares."""
 SETTINGS = tuple(name for name, key in BLOCK.items() if not key.below and name not in (*TYPES, "drop"))
 """The keys with a value of their own."""
+SINGLE = "y"
+"""What the output of an expression is called that is not named."""
 
 
 @dataclass
 class BlockEntry:
     """One block of a diagram. All values keep their places.
 
-    kind: `block`, `python`, `fmu` or `diagram`; type: the text behind it. parameters and start: scalars, expressions
-    or nested lists of them. inputs: `block.port` or a list of such, or a constant as of parameters.
+    kind: one of TYPES; type: the text behind it, of an `expression` perhaps one for each output. parameters and start:
+    scalars, arithmetic or nested lists of them. inputs: `block.port` or a list of such, or a constant as of parameters.
     dimensions: whole numbers from 1. ports: our name → the FMU's variable, or nested lists of such. settings: values
     of SETTINGS that it gives, in range.
     Of what was written for a type that this one replaces, dropped is what `drop:` names, and unfit what goes with no
@@ -78,16 +81,19 @@ class BlockEntry:
 
     def plain(self, folder: Path) -> dict[str, Any]:
         """The entry without places, as YAML has it; a path is made relative to the folder."""
-        file = os.path.relpath(self.path, folder) if self.kind != "block" else self.type.value
-        result: dict[str, Any] = {
-            self.kind: f"{file}:{self.type.value.rpartition(':')[2]}" if self.kind == "python" else file
-        }
-        for key in BLOCK:
+        result: dict[str, Any] = {self.kind: self._plain_type(folder)}
+        for key in (key for key in BLOCK if key not in TYPES):
             if key in self.settings:
                 result[key] = self.settings[key].plain()
             elif BLOCK[key].below and (entries := getattr(self, key)):
                 result[key] = {name: _plain(node, folder) for name, node in entries.items()}
         return result
+
+    def _plain_type(self, folder: Path) -> Any:
+        if self.kind in ("block", "expression"):
+            return self.type.plain()
+        file = os.path.relpath(self.path, folder)
+        return f"{file}:{self.type.value.rpartition(':')[2]}" if self.kind == "python" else file
 
 
 def _plain(node: Node, folder: Path) -> Any:
@@ -103,7 +109,7 @@ def read_entry(name: str, node: Node, reader: Reader, others: Iterable[str] = ()
     kinds = [kind for kind in TYPES if kind in node.value]
     if not kinds:
         close = get_close_matches(name, others, n=1, cutoff=0.5)
-        fix = "write `block: ClassName`, or python:, fmu: or diagram:"
+        fix = "write `block: ClassName`, or python:, fmu:, diagram: or expression:"
         fix = f"did you mean `{close[0]}`? Or {fix}" if close else fix
         reader.missing(node, f"block `{name}` has no type", fix)
         return None
@@ -111,7 +117,7 @@ def read_entry(name: str, node: Node, reader: Reader, others: Iterable[str] = ()
         message = f"block `{name}` has two types, `{kinds[0]}` and `{kind}`"
         reader.problems.add(WrongValue(message, node.value[kind].place, "remove one of them"))
     entry = BlockEntry(name, kinds[0], node.value[kinds[0]], node.place)
-    if not reader.text(entry.type, f"blocks.{name}.{entry.kind}"):
+    if not _says_type(entry, reader):
         return None
     for key, value in node.value.items():
         if key not in (*TYPES, "drop") and _applies(entry, key, value, reader):
@@ -119,6 +125,36 @@ def read_entry(name: str, node: Node, reader: Reader, others: Iterable[str] = ()
     if "drop" in node.value:
         _drop(entry, node.value["drop"], reader)
     return entry
+
+
+def _says_type(entry: BlockEntry, reader: Reader) -> bool:
+    """Whether a type is a text or, of an expression, one for each output."""
+    where, node = f"blocks.{entry.name}.{entry.kind}", entry.type
+    if entry.kind != "expression" or not isinstance(node.value, dict):
+        return bool(reader.text(node, where))
+    if not node.value:
+        reader.wrong(node, f"`{where}` is an empty mapping", 'write such as {y: "2*u"}, or "2*u"', WrongValue)
+    texts = [reader.text(child, f"{where}.{output}") for output, child in node.value.items()]
+    return bool(texts) and all(texts)
+
+
+def type_words(kind: str, node: Node) -> str:
+    """A type, as messages name it."""
+    text = type_in_full(kind, node)
+    return text if kind in ("block", "expression") else text.rpartition("/")[2].rpartition(":")[2]
+
+
+def type_in_full(kind: str, node: Node) -> str:
+    """A type as it is written, of an expression as much as is shown of one."""
+    if kind != "expression":
+        return str(node.value)
+    return f"`{shown('; '.join(f'{name} = {text.value}' for name, text in outputs_of(node).items()))}`"
+
+
+def outputs_of(node: Node) -> dict[str, Node]:
+    """The expressions of a type that is of that kind, by output."""
+    written: dict[str, Node] = node.value if isinstance(node.value, dict) else {SINGLE: node}
+    return written
 
 
 def _applies(entry: BlockEntry, key: str, node: Node, reader: Reader) -> bool:
@@ -148,7 +184,7 @@ def _drop(entry: BlockEntry, drop: Node, reader: Reader) -> None:
         setattr(entry, section, {name: node for name, node in entries.items() if name not in gone})
         entry.dropped += gone if section == "parameters" else [f"{section}.{name}" for name in gone]
         known.update(*spellings.values())
-    for key in (name for name in SETTINGS if BLOCK[name].kinds == NATIVE):
+    for key in (name for name in SETTINGS if BLOCK[name].kinds not in (TYPES, ("fmu",))):
         node = entry.unfit.get(key) or entry.settings.get(key)
         if node and node.inherited:
             known.add(key)

@@ -46,14 +46,14 @@ def conform(
             entries[key] = conform(child, problems, _below(declared, child), where, layered or declared.layer)
         elif layered and not child.blank:
             entries[key] = child
-        elif not child.blank or ANY in grammar or not declared.below:
+        elif not child.blank or ANY in grammar or declared.type or not declared.below:
             problems.add(_nothing(child, where))
     return replace(node, value=entries)
 
 
 def _below(key: Key, node: Node) -> Mapping[str, Key]:
     """What may stand below a key; nothing where its value is no mapping, or one of quite other names."""
-    if key.type is None:
+    if key.type is None or (ANY in key.below and isinstance(node.value, dict)):
         return key.below
     written = node.value if isinstance(node.value, dict) else ()
     return key.below if any(get_close_matches(name, key.below, n=1, cutoff=0.5) for name in written) else {}

@@ -19,8 +19,9 @@ from cosim.language.source import Node, describe
 ANY = "*"
 ADDS = "+"
 """How a key of an overlay ends that adds to the list of that name."""
-TYPES = ("block", "python", "fmu", "diagram")
-NATIVE = ("block", "python", "fmu")
+TYPES = ("block", "python", "fmu", "diagram", "expression")
+SAMPLED = ("block", "python", "fmu", "expression")
+INTEGRATED = ("block", "python", "fmu")
 METHODS = ("jacobi", "gauss-seidel", "iterated", "joint")
 MODES = ("co-simulation", "model-exchange")
 LOGS = ("errors", "all", "none")
@@ -200,6 +201,7 @@ VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for
 ORDER = Type(_order, "list of blocks")
 DATA = Type(_data, "number, text, or lists of them; or {file: …}")
 FORMULA = Type(lambda reader, node, where, _: reader.text(node, where) or None, "formula, such as always(plant.x < 1)")
+ARITHMETIC = Type(lambda reader, node, where, _: node, "text, or one for each output")
 NAMED = {ANY: Key("", ANYTHING)}
 
 # ---- the keys ----
@@ -222,17 +224,22 @@ BLOCK: dict[str, Key] = {
     "python": Key("a block type of your own, file.py:Class", TEXT),
     "fmu": Key("an FMU", TEXT),
     "diagram": Key("a diagram as a block", TEXT),
+    "expression": Key(
+        "arithmetic of its inputs and parameters, such as k*(r - x); its output is y, or those that are named",
+        ARITHMETIC,
+        below={ANY: Key("", TEXT)},
+    ),
     "per": Key("the fleet for each of whose members there is one", TEXT),
     "parameters": Key("values, by parameter", below={ANY: Key("", DATA, below=DATA_FILE)}),
     "start": Key("start values, by state or input", below={ANY: Key("", DATA, below=DATA_FILE)}),
     "inputs": Key("what each input reads", below={ANY: Key("", SOURCES, below=WIRE)}),
     "dimensions": Key("sizes, by dimension", below={ANY: Key("", SIZE)}),
-    "period": Key("how often it is due; between, its outputs are held", POSITIVE, unit="s", kinds=NATIVE),
-    "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=NATIVE),
-    "integrator": Key("its own integrator; none: that of the run", choice(KNOWN), kinds=NATIVE),
-    "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=NATIVE),
-    "tolerance": Key("of inner steps, and inside an FMU; none: that of the run", TOLERANCE, kinds=NATIVE),
-    "absolute_tolerance": Key("as that of the run", POSITIVE, kinds=NATIVE),
+    "period": Key("how often it is due; between, its outputs are held", POSITIVE, unit="s", kinds=SAMPLED),
+    "offset": Key("when it is due first", NOT_NEGATIVE, 0.0, unit="s", kinds=SAMPLED),
+    "integrator": Key("its own integrator; none: that of the run", choice(KNOWN), kinds=INTEGRATED),
+    "inner_steps": Key("in how many steps it integrates one of the run's", count(MOST_INNER_STEPS), kinds=INTEGRATED),
+    "tolerance": Key("of inner steps, and inside an FMU; none: that of the run", TOLERANCE, kinds=INTEGRATED),
+    "absolute_tolerance": Key("as that of the run", POSITIVE, kinds=INTEGRATED),
     "ports": Key("the FMU's variables behind each name of ours", below={ANY: Key("", VARIABLES)}, kinds=("fmu",)),
     "mode": Key("which interface of an FMU", choice(MODES), kinds=("fmu",)),
     "event_mode": Key(

@@ -8,10 +8,12 @@ that changes a block's type makes what the layers below say of that block's para
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 from cosim.errors import (
     CircularExtends,
@@ -30,6 +32,8 @@ from cosim.language.source import Node, describe
 
 MOST_LAYERS = 100
 _VALUES = ("parameters", "start")
+_NAMED = re.compile(r".*:.*|[^\W\d][\w.]*")
+"""How a block type is named, rightly or not: its class, perhaps with its pack or module."""
 _RIVALS = {"file": ("sha256",), "column": ("array",), "array": ("column",)}
 """What a value in a file loses as a layer says that it is another one."""
 
@@ -78,6 +82,7 @@ def merge(base: Node, over: Node, path: tuple[str, ...] = ()) -> Node:
     if not (isinstance(base.value, dict) and isinstance(over.value, dict)):
         return over
     is_block = len(path) == 2 and path[0] == "blocks"
+    over = _with_outputs(base.value, over) if is_block else over
     retyped = is_block and _changes_type(base.value, over.value)
     entries = _inherited(base.value) if retyped else dict(base.value)
     for key, node in sorted(over.value.items(), key=lambda entry: entry[0].endswith(ADDS)):
@@ -105,9 +110,19 @@ def _before(entries: dict[str, Node], key: str, node: Node) -> str:
     return next((known for known in (name, key) if known in entries and isinstance(entries[known].value, list)), "")
 
 
+def _with_outputs(base: dict[str, Node], over: Node) -> Node:
+    """A layer of a block that says another expression for some outputs of several, with the others."""
+    key = "expression"
+    if key in base and key in over.value and isinstance(base[key].value, dict):
+        node = over.value[key]
+        whole = replace(merge(base[key], node), position=node.position, key_position=node.key_position)
+        return replace(over, value={**over.value, key: whole})
+    return over
+
+
 def _changes_type(base: dict[str, Node], over: dict[str, Node]) -> bool:
-    types = [(key, over[key].value) for key in TYPES if key in over and over[key].value is not None]
-    return bool(types) and types != [(key, base[key].value) for key in TYPES if key in base]
+    types = [(key, over[key].plain()) for key in TYPES if key in over and over[key].value is not None]
+    return bool(types) and types != [(key, base[key].plain()) for key in TYPES if key in base]
 
 
 def _inherited(block: dict[str, Node]) -> dict[str, Node]:
@@ -177,22 +192,27 @@ def apply_swaps(tree: Node, swaps: Iterable[str], problems: Problems) -> Node:
 
 
 def swap_type(tree: Node, name: str, new: Node) -> Node:
-    """The tree with another type for a block: a class, `file.py:Class`, an FMU or a diagram.
+    """The tree with another type for a block: a class, `file.py:Class`, an FMU, a diagram or an expression.
 
     Raises: UnknownSetting.
     """
     blocks = _child(tree, "blocks")
     if not _has_block(blocks, name):
         raise UnknownSetting(f"there is no block `{name}` to swap", new.place, nearest(name, blocks))
-    block = Node({_kind(str(new.value)): new}, new.place, new.place)
+    block = Node({_kind(new.value): new}, new.place, new.place)
     return merge(tree, _nested(["blocks", name], block, new.place))
 
 
-def _kind(text: str) -> str:
-    """Which kind of type a text on the command line names."""
+def _kind(written: Any) -> str:
+    """Which kind of type somebody names who says no kind: what is no name of a block or a file is an expression."""
+    text = str(written)
+    if isinstance(written, dict):
+        return "expression"
     if ".py:" in text:
         return "python"
-    return {".fmu": "fmu", ".yaml": "diagram", ".yml": "diagram"}.get(Path(text).suffix.lower(), "block")
+    if kind := {".fmu": "fmu", ".yaml": "diagram", ".yml": "diagram"}.get(Path(text).suffix.lower()):
+        return kind
+    return "block" if _NAMED.fullmatch(text) else "expression"
 
 
 def apply_settings(tree: Node, settings: Iterable[str | Change], problems: Problems) -> Node:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from cosim.errors import DroppedValue, Problems
-from cosim.language.entry import SECTIONS, BlockEntry
+from cosim.language.entry import SECTIONS, BlockEntry, type_words
 from cosim.language.keys import BLOCK, TYPES
 from cosim.language.source import Node
 
@@ -69,7 +69,7 @@ def take_out(entry: BlockEntry, known: Mapping[str, Collection[str]]) -> list[Lo
 def swap_of(entry: BlockEntry, lost: list[Lost], defaults: list[str]) -> Swap:
     """What became of an entry whose type is replaced."""
     assert entry.type.replaces
-    before, after = _type_name(*entry.type.replaces), _type_name(entry.kind, entry.type)
+    before, after = type_words(*entry.type.replaces), type_words(entry.kind, entry.type)
     drops = (*entry.dropped, *(item.label for item in lost))
     return Swap(entry.name, before, after, tuple(_kept(entry)), drops, tuple(defaults))
 
@@ -83,15 +83,10 @@ def _kept(entry: BlockEntry) -> list[str]:
     return names + [key for key in keys if entry.settings[key].inherited]
 
 
-def _type_name(kind: str, node: Node) -> str:
-    text = str(node.value)
-    return text if kind == "block" else text.rpartition("/")[2].rpartition(":")[2]
-
-
 def dropped(entry: BlockEntry, lost: list[Lost], offers: list[str]) -> DroppedValue:
     """One mistake for all that a block would drop, with the lines to paste."""
     assert entry.type.replaces
-    before, after = _type_name(*entry.type.replaces), _type_name(entry.kind, entry.type)
+    before, after = type_words(*entry.type.replaces), type_words(entry.kind, entry.type)
     named = [f"{item.label} at {item.node.place}" + (f" ({item.reason})" if item.reason else "") for item in lost]
     message = f"block {entry.name}: {after} does not take what the diagram gives {before}: {', '.join(named)}"
     waiver = f"drop: [{', '.join(_shortest_label(item, entry, lost) for item in lost)}]"

@@ -114,7 +114,7 @@ def written(value: Any) -> str:
     """A value on one line, as YAML writes it; of a block, its type."""
     if isinstance(value, Mapping):
         kind = next((value[key] for key in TYPES if key in value), None)
-        return str(kind) if kind else "{" + ", ".join(f"{key}: {written(v)}" for key, v in value.items()) + "}"
+        return written(kind) if kind else "{" + ", ".join(f"{key}: {written(v)}" for key, v in value.items()) + "}"
     if isinstance(value, list):
         return f"[{', '.join(map(written, value))}]"
     if isinstance(value, bool):

@@ -8,6 +8,8 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from cosim.errors import MissingFile, Position, UnknownBlock
+from cosim.language.elementary import FUNCTIONS
+from cosim.language.expression import CONSTANTS
 from cosim.terminal import inspection
 from cosim.terminal.screen import print_rows, print_warnings, print_wrapped, say
 from cosim.wiring import catalogue, library
@@ -22,7 +24,7 @@ def print_all() -> None:
     _print(groups)
     count = sum(len(group.blocks) for group in groups)
     rest = "`cosim blocks NAME` shows one's ports, parameters and equations; `cosim blocks WORD` looks for some."
-    print_wrapped(f"{count} blocks. {rest}", 0)
+    print_wrapped(f"{count} blocks. {rest} Arithmetic needs none: `cosim blocks expression`.", 0)
     sys.stdout.flush()
     print_warnings(library.broken())
 
@@ -46,6 +48,9 @@ def print_found(words: str) -> None:
 
     Raises: UnknownBlock where there are none.
     """
+    if words.lower() == "expression":
+        _print_expression()
+        return
     groups = _groups()
     named = [block for group in groups for block in group.blocks if block.name.lower() == words.lower()]
     first = [block for block in named if block.written == block.name] or named
@@ -60,6 +65,18 @@ def print_found(words: str) -> None:
         fix = f"did you mean `{close[0]}`?" if close else "`cosim blocks` lists all there are"
         raise UnknownBlock(f"there is no block type `{words}`, nor one whose text has these words", None, fix)
     _print(found)
+
+
+def _print_expression() -> None:
+    """What arithmetic may be written in the place of a block type."""
+    print_wrapped('Arithmetic as a block: a diagram writes  expression: "k*(r - x)"', 2)
+    say("")
+    print_wrapped("Its output is `y`, or those that are named: {r: …, phi: …}.", 2)
+    say("")
+    print_wrapped("names        the block's inputs, parameters and other outputs, and time (s)", 13)
+    print_wrapped(f"constants    {', '.join(CONSTANTS)}", 13)
+    print_wrapped("operators    + - * / // % **   < <= > >= == !=   and or not", 13)
+    print_wrapped(f"functions    {', '.join(FUNCTIONS)}, if(condition, a, b)", 13)
 
 
 def _groups() -> list[Group]:

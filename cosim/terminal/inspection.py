@@ -76,7 +76,8 @@ def _row(part: ComponentOverview) -> list[str]:
         else f"{w.port}{TIED}←{TIED}{', '.join(w.sources)}{_dealt(w)}"
         for w in part.wires
     ]
-    return [part.name, part.type if part.count is None else f"{part.count} × {part.type}", "; ".join(wires)]
+    kind = part.type if part.count is None else f"{part.count} × {part.type}"
+    return [part.name, kind, "; ".join([*part.expressions, *wires])]
 
 
 def _dealt(wire: Wired) -> str:

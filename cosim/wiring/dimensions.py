@@ -8,6 +8,7 @@ from cosim.authoring.variables import OpenDimension, Variable
 from cosim.errors import FleetMismatch, Problems, UnsolvedDimension, WrongShape
 from cosim.language.source import Node
 from cosim.language.values import Value
+from cosim.wiring import widths
 from cosim.wiring.network import Axis, Component, Signal
 from cosim.wiring.open_dimensions import (
     close_known,
@@ -55,6 +56,7 @@ class _Dimensions:
             for name, dimension in component.declaration.dimensions.items():
                 if dimension.of in component.axes and name not in component.axes:
                     component.axes[name] = Axis(component.axes[dimension.of].size - dimension.less)
+            widths.widen(component)
             for port in list(component.wires):
                 self.problems.attempt(self._learn_from_wire, component, port)
         return before != self._known()
@@ -169,7 +171,7 @@ class _Dimensions:
         """Learn from a value. Raises: FleetMismatch, WrongShape."""
         shape, dimensions = value.shape, spelled_out(component, variable)
         rank = len(dimensions)
-        if shape == ():
+        if shape == () or (is_unknown(component, variable) and widths.follows(component, variable)):
             return True
         if is_unknown(component, variable):
             return self._fits_open(component, variable, value)

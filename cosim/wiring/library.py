@@ -34,6 +34,7 @@ from cosim.errors import (
 from cosim.language import source
 from cosim.language.entry import BlockEntry
 from cosim.machine import importing
+from cosim.wiring import expression_blocks
 from cosim.wiring.block_files import import_file
 from cosim.wiring.block_modules import block_classes, find_spec, import_error
 
@@ -52,10 +53,10 @@ def offering(classes: Mapping[str, type[Block]]) -> Iterator[None]:
 
 
 def find(entry: BlockEntry) -> type[Block]:
-    """The class that a diagram's entry names, or the one made from an FMU.
+    """The class that a diagram's entry names, or the one made from an FMU or an expression.
 
     Raises: UnknownBlock, AmbiguousBlock, BlockImportError, DeclarationError, MissingFile, WrongValue,
-    and for an FMU ArchiveError, FmuError, UnknownPort.
+    for an FMU ArchiveError, FmuError, UnknownPort, and for an expression ExpressionError, DiagramErrors with several.
     """
     if entry.type.made or (entry.kind == "block" and entry.type.value in _given.get()):
         return _from_program(entry, entry.type.made or _given.get()[entry.type.value])
@@ -63,6 +64,8 @@ def find(entry: BlockEntry) -> type[Block]:
         from cosim.fmu import importer
 
         return importer.block(entry)
+    if entry.kind == "expression":
+        return expression_blocks.block(entry)
     return _from_file(entry) if entry.kind == "python" else _from_libraries(entry)
 
 

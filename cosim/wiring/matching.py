@@ -39,7 +39,12 @@ def _check(components: Components, component: Component, port: str, source: Sign
         raise WrongUnit(message, position, "wire a signal in that unit, or put a gain between")
     if here.dtype != there.dtype:
         message = f"block {component.name}: input `{port}` is {here.dtype}, but {source} is {there.dtype}"
-        raise WrongDataType(message, position, "wire a signal of that data type")
+        fix = "wire a signal of that data type"
+        if component.entry.kind == "expression" and here.dtype == bool:
+            fix = f"write a comparison in the expression, such as {port} > 0"
+        elif component.entry.kind == "expression" and there.dtype == bool:
+            fix = f"write if({port}, 1, 0) in the expression"
+        raise WrongDataType(message, position, fix)
 
 
 def _unit_given(components: Components, source: Signal) -> Unit:

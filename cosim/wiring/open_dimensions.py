@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 from cosim.authoring.variables import OpenDimension, Variable
 from cosim.wiring.network import Axis, Component
+from cosim.wiring.widths import follows, widen
 
 
 def open_dimension(variable: Variable) -> OpenDimension | None:
@@ -90,9 +91,11 @@ def close_one(components: Mapping[str, Component]) -> bool:
 
 def _close(component: Component) -> None:
     for variable in component.declaration.variables.values():
-        if is_unknown(component, variable):
+        if is_unknown(component, variable) and not follows(component, variable):
             name = str(open_dimension(variable))
             component.axes[name], component.opened[name] = Axis(1), ()
+    while widen(component):
+        pass
 
 
 def _has_unknown(component: Component) -> bool:

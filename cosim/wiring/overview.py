@@ -31,7 +31,7 @@ class Wired:
 class ComponentOverview:
     """A component: its name, its block type, how many there are of it (None: it is of no fleet), its wires.
 
-    due: when it is, "" if it is at every communication point.
+    due: when it is, "" if it is at every communication point. expressions: how it computes its outputs, if they say so.
     """
 
     name: str
@@ -39,6 +39,7 @@ class ComponentOverview:
     count: int | None
     wires: tuple[Wired, ...]
     due: str
+    expressions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,8 @@ def _part(network: Network, component: Component) -> ComponentOverview:
     wires.sort(key=lambda wire: [*component.entry.inputs].index(wire.port))
     count = component.count if component.fleet else None
     due = str(component.clock) if component.clock and "period" in component.entry.settings else ""
-    return ComponentOverview(component.name, component.declaration.name, count, tuple(wires), due)
+    said = tuple(component.declaration.doc.split("\n")) if component.entry.kind == "expression" else ()
+    return ComponentOverview(component.name, component.declaration.name, count, tuple(wires), due, said)
 
 
 def _constant(component: Component, port: str) -> str:

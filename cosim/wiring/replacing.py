@@ -66,7 +66,7 @@ def _replaced(entry: BlockEntry, code: bool) -> Declaration | None:
     """The declaration of the replaced type, where it can be had."""
     assert entry.type.replaces
     kind, node = entry.type.replaces
-    if kind == "diagram" or not (code or kind == "block"):
+    if kind in ("diagram", "expression") or not (code or kind == "block"):
         return None
     try:
         return library.find(BlockEntry(entry.name, kind, node, node.position)).declaration

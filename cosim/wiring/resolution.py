@@ -13,6 +13,7 @@ from cosim.wiring import (
     conditions,
     couplings,
     dimensions,
+    expression_type,
     given_values,
     integers,
     matching,
@@ -22,6 +23,7 @@ from cosim.wiring import (
     order,
     seeds,
     sizes,
+    widths,
     wires,
 )
 from cosim.wiring.draft import Draft
@@ -59,6 +61,7 @@ def _connect(draft: Draft) -> None:
         draft.problems.attempt(given_values.take, draft, component)
         draft.problems.attempt(wires.connect, draft, component)
     integers.agree(draft.components)
+    expression_type.take_types(draft.components.values())
     couplings.couple(draft)
 
 
@@ -86,6 +89,7 @@ def _size(draft: Draft) -> None:
     """The size of every axis. Raises: DiagramErrors where there is no memory for all that comes next."""
     dimensions.solve(draft.components, draft.values, draft.diagram.fleets, draft.problems)
     dimensions.report_sizes(draft.components, draft.values, draft.problems)
+    widths.report(draft.components, draft.problems)
     if draft.is_whole():
         draft.problems.attempt(_order, draft)
     if draft.is_whole():  # else what is missing may only be a consequence

@@ -92,7 +92,13 @@ NESTED_WRONG = [
     ("signals: [plant.level", "signals: [plant.h", UnknownPort, 12, "one of: level"),
     ("sub/inner.yaml\n", "sub/iner.yaml\n", MissingFile, 6, "did you mean `inner.yaml`?"),
     ("sub/inner.yaml\n", "outer.yaml\n", CircularExtends, 6, "name another diagram here"),
-    ("    per: plant", "    period: 1", UnknownKey, 7, "remove it; it goes with `block:`, `python:`, `fmu:`"),
+    (
+        "    per: plant",
+        "    period: 1",
+        UnknownKey,
+        7,
+        "remove it; it goes with `block:`, `python:`, `fmu:`, `expression:`",
+    ),
 ]
 
 

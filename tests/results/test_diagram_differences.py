@@ -37,6 +37,17 @@ def test_values_are_compared_as_what_they_are(a, b, same):
     assert (not differences([{"k": a}, {"k": b}])) == same
 
 
+def test_an_expression_is_told_by_its_output_and_as_a_type():
+    a = {"blocks": {"p": {"expression": {"r": "hypot(x, y)", "phi": "atan2(y, x)"}}, "q": {"expression": "2*x"}}}
+    b = {"blocks": {"p": {"expression": {"r": "hypot(x, y)", "phi": "0*x"}}, "q": {"block": "Gain"}}}
+    assert found(a, b) == {
+        "blocks.p.expression.phi": ("atan2(y, x)", "0*x"),
+        "blocks.q.expression": ("2*x", None),
+        "blocks.q.block": (None, "Gain"),
+    }
+    assert differences([a, {"blocks": {}}])[0].texts == ("{r: hypot(x, y), phi: atan2(y, …", "—")
+
+
 def test_lists_of_other_sizes_are_one_difference_and_of_names_those_that_not_all_have():
     (item,) = differences([{"k": [1, 2]}, {"k": [1, 2, 3]}])
     assert item.texts == ("[1, 2]", "[1, 2, 3]")
