@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from cosim.results import global_heap, object_header
+from cosim.results.growing_file import ROOT_HEADER, GrowingFile
 from cosim.results.metrics import for_json, from_json
 
 JSON = (
@@ -21,49 +24,77 @@ JSON = (
     "accuracy",
     "requirements",
 )
-#: What is known at the end only, with bytes set aside for it: what fits is written in place, so that at no instant is
-#: there a file whose header points to what is not yet on disk.
-LAST = {
-    **{"message": 512, "metrics": 2048, "seconds": 128},
-    **{"inner_steps": 512, "conditions": 2048, "accuracy": 2048, "requirements": 2048, "status": 16},
-}
-NUMBERS: dict[str, int | float] = {"steps": 0, "end": 0.0}
-"""What is known at the end only and is a number, with what stands there before."""
+STATUS_BYTES = 16
+NUMBERS = {"steps": "<q", "end": "<d"}
+"""What is known at the end only and is a number, with its type."""
+LAST = ("message", "metrics", "seconds", "inner_steps", "conditions", "accuracy", "requirements")
+"""What is known at the end only and is a text."""
 
 
-def write(file: Any, attributes: Mapping[str, Any]) -> None:
-    """What is known when a run begins, and room for what is known at its end."""
-    for key, value in attributes.items():
-        file.attrs[key] = json.dumps(for_json(value)) if key in JSON else value
-    for key, number in NUMBERS.items():
-        file.attrs[key] = number
-    for key, size in LAST.items():
-        file.attrs[key] = np.array("running" if key == "status" else "", f"S{size}")
+def create(file: Any, attributes: Mapping[str, Any]) -> None:
+    """What is known when a run begins, but for texts, and the places of all else.
+
+    Those of what is known at the end come first, so that they lie in the file's first page, see `growing_file`; the
+    status before them, as a result that is brought back to an earlier state is written from its front.
+    """
+    file.attrs["status"] = np.array("running", f"S{STATUS_BYTES}")
+    for key, kind in NUMBERS.items():
+        file.attrs[key] = np.zeros((), kind)
+    for key, value in {**dict.fromkeys(LAST, ""), **attributes}.items():
+        file.attrs[key] = "" if _is_text(key, value) else value
 
 
-def write_last(file: Any, values: Mapping[str, Any]) -> None:
-    """What is known at the end of a run: a value for each key of NUMBERS and LAST, in place if it fits."""
-    for key, number in NUMBERS.items():
-        file.attrs.get_id(key).write(np.array(values[key], type(number)))
-    for key in LAST:
-        if key == "status":
-            file.flush()  # whoever finds a status finds the rest
-        write_text(file, key, values[key])
+def write_first(file: GrowingFile, attributes: Mapping[str, Any]) -> None:
+    """The texts that are known when a run begins. Raises: ValueError."""
+    _write_texts(file, {key: value for key, value in attributes.items() if _is_text(key, value)})
 
 
-def write_text(file: Any, key: str, value: Any) -> None:
-    """A value other than a number, for a key of LAST, in place if it fits."""
-    text, size = _text(key, value), LAST[key]
-    if len(text) <= size:
-        file.attrs.get_id(key).write(np.array(text, f"S{size}"))
-    else:
-        file.attrs[key] = text.decode()
+def write_last(file: GrowingFile, values: Mapping[str, Any]) -> None:
+    """What is known at the end of a run: its status, and a value for each key of NUMBERS and LAST.
+
+    Space for it is set aside. Raises: OSError, ValueError where the file is damaged.
+    """
+    places = _write_texts(file, {key: values[key] for key in LAST})
+    for key, kind in NUMBERS.items():
+        file.write(places[key], struct.pack(kind, values[key]))
+    file.write(places["status"], values["status"].encode().ljust(STATUS_BYTES, b"\0"))  # who finds it finds the rest
+
+
+def write_accuracy(file: GrowingFile, accuracy: Mapping[str, Any]) -> None:
+    """How sure the metrics of a run are. Space is set aside. Raises: OSError, ValueError where the file is damaged."""
+    _write_texts(file, {"accuracy": accuracy})
+
+
+def status_of(file: GrowingFile) -> tuple[int, int]:
+    """Where the status begins and ends. Raises: OSError, ValueError where the file is damaged."""
+    at = _places(file)["status"]
+    return at, at + STATUS_BYTES
 
 
 def size_of(values: Mapping[str, Any]) -> int:
-    """The bytes of those values that do not fit where they were to be."""
-    sizes = [(len(_text(key, values[key])), size) for key, size in LAST.items() if key in values]
-    return sum(long for long, size in sizes if long > size)
+    """The bytes that the texts of those values take."""
+    return len(global_heap.collection([_text(key, values[key]) for key in LAST if key in values]))
+
+
+def _write_texts(file: GrowingFile, values: Mapping[str, Any]) -> dict[str, int]:
+    """Write values as texts, and have their attributes point there. Returns the places of all attributes."""
+    texts = [_text(key, value) for key, value in values.items()]
+    content = global_heap.collection(texts)
+    at = file.take(len(content))
+    file.write(at, content)
+    places = _places(file)
+    for number, (key, text) in enumerate(zip(values, texts, strict=True), 1):
+        file.write(places[key], global_heap.place(at, number, text))
+    return places
+
+
+def _places(file: GrowingFile) -> dict[str, int]:
+    """Where the value of each attribute is."""
+    return object_header.attributes_of(file, file.word(ROOT_HEADER))
+
+
+def _is_text(key: str, value: Any) -> bool:
+    return key in JSON or isinstance(value, str)
 
 
 def _text(key: str, value: Any) -> bytes:

@@ -33,9 +33,7 @@ def create(file: Any, signals: Iterable[Recorded]) -> None:
             if name not in scales:
                 scales[name] = _create_scale(file, name, size, is_member=bool(signal.fleet) and axis == 0)
     for signal, dimensions in layout:
-        variable = _create_variable(file, signal, [scales["time"], *(scales[name] for name, _ in dimensions)])
-        _create_index(variable)
-    _create_index(scales["time"])
+        _create_variable(file, signal, [scales["time"], *(scales[name] for name, _ in dimensions)])
 
 
 def variables(file: Any) -> dict[str, Any]:
@@ -47,7 +45,7 @@ def variables(file: Any) -> dict[str, Any]:
 
 
 def rows(variable: Any) -> int:
-    """How many there are: a kill may leave a variable that has grown without the chunks, which would be read as 0."""
+    """How many there are: HDF5, which wrote results before, grew variables ahead of chunks, which are read as 0."""
     indexed: int = variable.id.get_num_chunks() * variable.chunks[0]
     return min(len(variable), indexed)
 
@@ -94,7 +92,7 @@ def dimensions_of(signal: Recorded) -> list[tuple[str, int]]:
 
 def _create_time(file: Any) -> Any:
     """Time in s."""
-    time = file.create_dataset("time", (0,), float, maxshape=(None,), chunks=(CHUNK_ROWS,), track_order=True)
+    time = file.create_dataset("time", (0,), float, maxshape=(None,), chunks=(CHUNK_ROWS,))
     time.attrs.update(TIME)
     time.make_scale("time")
     return time
@@ -102,25 +100,24 @@ def _create_time(file: Any) -> Any:
 
 def _create_scale(file: Any, name: str, size: int, is_member: bool) -> Any:
     """A dimension: of a fleet's members, from 1, or a signal's own axis, which has no values."""
-    make = partial(file.create_dataset, name, track_order=True)
+    make = partial(file.create_dataset, name)
     scale = make(data=np.arange(1, size + 1)) if is_member else make((size,), ">f4")
     scale.make_scale(name if is_member else f"{NOT_A_VARIABLE}{size:10d}")
     return scale
 
 
-def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> Any:
+def _create_variable(file: Any, signal: Recorded, scales: Sequence[Any]) -> None:
     if 0 in signal.shape:
         raise ResultError(f"`{signal.name}` has no elements", fix="leave it out of `record`")
     dtype, shape = stored_type(signal), signal.shape
     rows = max(1, min(CHUNK_ROWS, CHUNK_BYTES // (prod(shape) * dtype.itemsize)))
-    layout = {"maxshape": (None, *shape), "chunks": (rows, *shape), "track_order": True}
+    layout = {"maxshape": (None, *shape), "chunks": (rows, *shape)}
     variable = file.create_dataset(netcdf_name(signal.name), (0, *shape), dtype, **layout)
     for axis, scale in enumerate(scales):
         variable.dims[axis].attach_scale(scale)
     about = attributes_of(signal)
     about |= {"dtype": "bool"} if np.dtype(signal.dtype).kind == "b" else {}  # as xarray notes it
     variable.attrs.update(about)
-    return variable
 
 
 def attributes_of(signal: Recorded) -> dict[str, str]:
@@ -130,11 +127,3 @@ def attributes_of(signal: Recorded) -> dict[str, str]:
     about |= {"long_name": signal.description, "causality": signal.causality, "fleet": signal.fleet}
     about |= {"components": SEPARATOR.join(signal.components)}
     return {key: text for key, text in about.items() if text}
-
-
-def _create_index(variable: Any) -> None:
-    """HDF5 makes it with the first chunk, behind the header that points to it: a kill in between leaves no index."""
-    chunk = bytes(prod(variable.chunks) * variable.dtype.itemsize)
-    variable.id.set_extent((1, *variable.shape[1:]))
-    variable.id.write_direct_chunk((0,) * variable.ndim, chunk)
-    variable.id.set_extent((0, *variable.shape[1:]))

@@ -110,7 +110,7 @@ def is_result(path: Path) -> bool:
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _is_result(file)
-    except (OSError, RuntimeError):
+    except (OSError, RuntimeError, ValueError, KeyError):
         return False
 
 

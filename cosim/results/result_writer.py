@@ -1,16 +1,15 @@
 """Writes a result file while the run goes on.
 
-Samples wait in memory until `flush`, so that between two flushes nothing on disk is touched: a process that is killed
-leaves the file as the last flush left it.
+HDF5 makes the file, in memory. Rows are appended without it, see `growing_file`: a process that is killed at whatever
+moment leaves a file with all rows of the last flush, which HDF5, where it appends, may not. Samples wait in memory
+until `flush`, so that between two flushes nothing on disk is touched.
 """
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,16 +17,16 @@ import numpy as np
 
 from cosim.errors import ResultError
 from cosim.machine import files
-from cosim.results import attributes, disk_space, netcdf_layout, result_image
+from cosim.results import attributes, netcdf_layout, result_image
+from cosim.results.growing_file import GrowingFile
+from cosim.results.growing_variable import GrowingVariable
+from cosim.results.new_result import new_result
 from cosim.results.recorded import Array, Recorded
-from cosim.results.result_errors import as_result_error
+from cosim.results.result_errors import FULL, as_result_error
 from cosim.results.result_file import refuse_foreign
-from cosim.results.software_versions import versions
 
 WAITING_BYTES = 32 * 1024**2
 SUMMED_ROWS = 4096
-# The earliest format has no mark for "open for writing", which a process that is killed would leave set.
-LIBVER = ("earliest", "v110")
 
 
 def previous_path(path: str | Path) -> Path:
@@ -58,15 +57,10 @@ class ResultWriter:
         self._waiting_bytes = 0
         self._count = 0
         self._summed, self._sums = 0, [0] * (1 + len(signals))  # up to which row, and what, see `state`
-        if state is not None:
+        if state is None:
+            self._begin(about)
+        else:
             self._go_on(state)
-            return
-        refuse_foreign(self.path)
-        with as_result_error("write", self.path):
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with files.fresh(self.path, keep=previous_path(self.path)) as new:
-                new.write_bytes(self._first(about))
-            self._open()
 
     def append(self, times: Array, samples: Mapping[str, Array]) -> None:
         """Keep a batch: times (k,) in s, and for every signal an array (k, *shape). The arrays are copied."""
@@ -85,16 +79,14 @@ class ResultWriter:
         if not self._waiting:
             return
         times = np.concatenate([times for times, _ in self._waiting])
-        samples = {name: np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals}
+        samples = [times, *(np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals)]
         with as_result_error("write", self.path):
-            rows, full = disk_space.reserve(self._file, self._all, self._count, len(times))
+            rows, full = self._reserve(len(times))
             count = self._count + rows
-            for name, variable in self._variables.items():
-                variable.resize(count, axis=0)
-                variable[self._count :] = samples[name][:rows]
-            self._time.resize(count, axis=0)
-            self._time[self._count :] = times[:rows]
-            self._file.flush()
+            for variable, values in zip(self._variables, samples, strict=True):
+                variable.write(self._count, values[:rows])
+            for variable in reversed(self._variables):  # time is the last
+                variable.count(count)
             # Only now: what breaks off in between has the next flush write the same samples to the same place again.
             self._waiting, self._waiting_bytes, self._count = [], 0, count
             if full:
@@ -107,18 +99,36 @@ class ResultWriter:
         """
         self.flush()
         with as_result_error("write", self.path):
-            disk_space.give_back(self._file)
-            os.fsync(self._file.id.get_vfd_handle())
+            self._file.give_back()
+            self._file.sync()
             self._sum_up()
-            image = result_image.image_of(self.path, self._all, self._count)
-        return {"rows": np.array(self._count), "sums": np.array(self._sums, np.uint32), "image": image}
+            image = result_image.image_of(self._file, self._variables, self._count)
+        headers = np.array([variable.header for variable in self._variables])
+        sums = np.array(self._sums, np.uint32)
+        return {"rows": np.array(self._count), "sums": sums, "headers": headers, "image": image}
+
+    def _reserve(self, rows: int) -> tuple[int, OSError | None]:
+        """Have the disk set aside what so many more rows take, or fewer. Returns how many, and why not all."""
+        full = None
+        while True:
+            try:
+                self._file.reserve(sum(variable.bytes_for(self._count + rows) for variable in self._variables))
+            except OSError as error:
+                if error.errno not in FULL:
+                    raise
+                full = full or error
+                if not rows:
+                    return 0, full
+                rows //= 2
+            else:
+                return rows, full
 
     def _sum_up(self) -> None:
         """Take the rows that have come since the last time into a checksum of each variable's."""
-        for k, variable in enumerate(self._all):
+        for k, variable in enumerate(self._variables):
             for begin in range(self._summed, self._count, SUMMED_ROWS):
-                rows = variable[begin : min(begin + SUMMED_ROWS, self._count)]
-                self._sums[k] = zlib.crc32(np.ascontiguousarray(rows).data, self._sums[k])
+                rows = variable.read(begin, min(begin + SUMMED_ROWS, self._count))
+                self._sums[k] = zlib.crc32(rows, self._sums[k])
         self._summed = self._count
 
     def close(
@@ -149,15 +159,17 @@ class ResultWriter:
         last |= {"inner_steps": inner_steps or {}, "accuracy": {}, "requirements": list(requirements)}
         try:
             with as_result_error("write", self.path):
-                disk_space.reserve_bytes(self._file, attributes.size_of(last))
+                self._file.reserve(attributes.size_of(last))
         except ResultError as full:  # the rows are worth more than the figures, which can be made of them
             said = f"{message[:200]} (its figures found no space)".strip()
             problem = problem or full
-            last |= {"status": "failed", "message": said, "metrics": {}, "conditions": [], "requirements": []}
-        with as_result_error("write", self.path):
-            attributes.write_last(self._file, last)
-            self._file.flush()
-            disk_space.give_back(self._file)
+            last |= {"status": "failed", "message": said, "metrics": {}, "conditions": []}
+            last |= {"inner_steps": {}, "requirements": []}
+        try:
+            with as_result_error("write", self.path):
+                attributes.write_last(self._file, last)
+                self._file.give_back()
+        finally:
             self._file.close()
         if problem:
             raise problem
@@ -166,7 +178,7 @@ class ResultWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        if not self._file:
+        if self._file.closed:
             return
         if error is None:
             self.close("completed")
@@ -175,36 +187,28 @@ class ResultWriter:
             interrupted = isinstance(error, KeyboardInterrupt)
             self.close("interrupted" if interrupted else "failed", "" if interrupted else str(error))
 
-    def _first(self, about: Mapping[str, Any]) -> bytes:
-        """The file without samples, made in memory."""
-        import h5py
-
-        head = {"created": datetime.now(UTC).isoformat(timespec="seconds"), "versions": versions()}
-        memory = {"driver": "core", "backing_store": False}
-        with h5py.File(self.path.name, "w", track_order=True, libver=LIBVER, **memory) as file:
-            attributes.write(file, {"title": "", **head, **about})
-            netcdf_layout.create(file, self._signals.values())
-            file.flush()
-            image: bytes = file.id.get_file_image()
-            return image
-
-    def _open(self) -> None:
-        import h5py
-
-        # Without locks a result can be watched while it grows, also on file systems that know no locks.
-        self._file = h5py.File(self.path, "r+", locking=False, libver=LIBVER)
-        self._time = self._file["time"]
-        self._variables = {name: self._file[netcdf_layout.netcdf_name(name)] for name in self._signals}
-        self._all = [self._time, *self._variables.values()]
+    def _begin(self, about: Mapping[str, Any]) -> None:
+        refuse_foreign(self.path)
+        with as_result_error("write", self.path):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            content, headers = new_result([*self._signals.values()], about)
+            with files.fresh(self.path, keep=previous_path(self.path)) as new, new.open("x+b", buffering=0) as opened:
+                file = GrowingFile(opened, len(content))
+                file.write(0, content)
+                file.reserve(0)
+            self._file = GrowingFile(self.path.open("r+b", buffering=0), len(content))
+            self._variables = [GrowingVariable(self._file, header) for header in headers]
 
     def _go_on(self, state: Mapping[str, Any]) -> None:
         """Raises: ResultError where the rows are not those that were written."""
         with as_result_error("write", self.path):
-            result_image.bring_back(self.path, state["image"])
-            self._open()
+            self._file = GrowingFile(self.path.open("r+b", buffering=0), self.path.stat().st_size)
+            result_image.bring_back(self._file, state["image"])
+            self._variables = [GrowingVariable(self._file, header) for header in state["headers"].tolist()]
             self._count = int(state["rows"])
             self._sum_up()
-            same = all(len(v) == self._count for v in self._all) and self._sums == state["sums"].tolist()
+            counted = {variable.counted for variable in self._variables}
+            same = counted == {self._count} and self._sums == state["sums"].tolist()
         if not same:
             self._file.close()
             message = f"{self.path} is damaged: its samples are not those that the run has recorded"
@@ -213,10 +217,8 @@ class ResultWriter:
 
 def add_accuracy(path: Path, accuracy: Mapping[str, Any]) -> None:
     """Note in a result that is closed how sure its metrics are, which further runs have told. Raises: ResultError."""
-    import h5py
-
-    with as_result_error("write", path), h5py.File(path, "r+", locking=False, libver=LIBVER) as file:
-        disk_space.reserve_bytes(file, attributes.size_of({"accuracy": accuracy}))
-        attributes.write_text(file, "accuracy", accuracy)
-        file.flush()
-        disk_space.give_back(file)
+    with as_result_error("write", path), path.open("r+b", buffering=0) as opened:
+        file = GrowingFile(opened, path.stat().st_size)
+        file.reserve(attributes.size_of({"accuracy": accuracy}))
+        attributes.write_accuracy(file, accuracy)
+        file.give_back()

@@ -425,7 +425,7 @@ def test_the_result_of_another_run_is_not_gone_on_with(small, tmp_path):
 
 @pytest.mark.parametrize("damage", ["the end", "an index", "more", "nothing"])
 def test_what_a_kill_leaves_of_a_result_is_gone_on_with(small, tmp_path, damage):
-    """HDF5 writes its index in pieces: whatever of them is there, the result is brought back to the checkpoint's."""
+    """When a machine stops, pieces may be missing: whatever is there is brought back to what the checkpoint has."""
     output = tmp_path / "run.nc"
     whole = executed(small, tmp_path / "whole.nc")
     killed(small, output, 1.0, every="0.4")

@@ -1,4 +1,6 @@
-/* Preloaded, it kills the process before the n-th call that changes a file whose path has a text in it. */
+/* Preloaded, it kills the process before the n-th change of a file whose path has a text in it.
+
+   A process that is killed in the midst of a write has written whole pages of it, so each page counts as a change. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <signal.h>
@@ -7,11 +9,13 @@
 #include <sys/types.h>
 #include <unistd.h>
 
+enum { PAGE = 4096 };
+
 static long left = -1;
 static char part[512];
 
-void cut(long calls, const char *text) {
-    left = calls;
+void cut(long changes, const char *text) {
+    left = changes;
     strncpy(part, text, sizeof part - 1);
 }
 
@@ -24,6 +28,8 @@ static void changes(const char *path) {
 }
 
 static void changes_open(int file) {
+    if (left < 0)
+        return;
     char link[64], path[4096];
     snprintf(link, sizeof link, "/proc/self/fd/%d", file);
     ssize_t length = readlink(link, path, sizeof path - 1);
@@ -34,8 +40,16 @@ static void changes_open(int file) {
 #define NEXT(name, ...) ((__typeof__(name) *)dlsym(RTLD_NEXT, #name))(__VA_ARGS__)
 #define WRITE(name, OFFSET) \
     ssize_t name(int file, const void *bytes, size_t count, OFFSET at) { \
-        changes_open(file); \
-        return NEXT(name, file, bytes, count, at); \
+        size_t done = 0; \
+        do { \
+            size_t piece = PAGE - (size_t)(at + done) % PAGE; \
+            changes_open(file); \
+            ssize_t now = NEXT(name, file, (const char *)bytes + done, piece < count - done ? piece : count - done, at + done); \
+            if (now <= 0) \
+                return done ? (ssize_t)done : now; \
+            done += now; \
+        } while (done < count); \
+        return done; \
     }
 #define RESIZE(name, OFFSET) \
     int name(int file, OFFSET size) { \
@@ -56,8 +70,27 @@ RENAME(rename)
 RENAME(link)
 
 ssize_t write(int file, const void *bytes, size_t count) {
+    off_t at = lseek(file, 0, SEEK_CUR); /* -1 where there are no places, as in a pipe */
+    size_t done = 0;
+    do {
+        size_t piece = at < 0 ? count : PAGE - (size_t)(at + done) % PAGE;
+        changes_open(file);
+        ssize_t now = NEXT(write, file, (const char *)bytes + done, piece < count - done ? piece : count - done);
+        if (now <= 0)
+            return done ? (ssize_t)done : now;
+        done += now;
+    } while (done < count);
+    return done;
+}
+
+int posix_fallocate(int file, off_t at, off_t size) {
     changes_open(file);
-    return NEXT(write, file, bytes, count);
+    return NEXT(posix_fallocate, file, at, size);
+}
+
+int posix_fallocate64(int file, off64_t at, off64_t size) {
+    changes_open(file);
+    return NEXT(posix_fallocate64, file, at, size);
 }
 
 int fsync(int file) {

@@ -21,7 +21,7 @@ import xarray
 
 from cosim.errors import ResultError
 from cosim.results.csv_table import write_csv
-from cosim.results.disk_space import CLOSING_BYTES
+from cosim.results.growing_file import CLOSING_BYTES
 from cosim.results.recorded import Recorded
 from cosim.results.result_file import is_result, open_result, read_metrics
 from cosim.results.result_writer import ResultWriter, previous_path
@@ -477,13 +477,14 @@ def test_what_does_not_fit_where_it_was_to_be_is_kept_whole(tmp_path):
 
 
 def test_figures_that_find_no_space_cost_no_row(tmp_path, monkeypatch):
-    def full(file, size):
-        if size > 1000:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("cosim.results.disk_space.reserve_bytes", full)
     writer = ResultWriter(tmp_path / "run.nc", [], {})
     writer.append(np.arange(50) * 0.1, {})
+    writer.flush()
+
+    def full(file, at, size):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("os.posix_fallocate", full)
     with pytest.raises(ResultError, match="No space left"):
         writer.close("completed", "", {f"metric_{k}": k / 7 for k in range(500)}, 7)
     with open_result(tmp_path / "run.nc") as result:
