@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import os
 import shutil
@@ -11,6 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cosim.errors import ResultError
+
+FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+"""What the system says where there is no space left."""
 
 
 @contextmanager
@@ -46,6 +50,11 @@ def refuse_foreign(path: Path, what: str, ours: Callable[[Path], bool]) -> None:
         folder = stat.S_ISDIR(found.st_mode)
         fix = "name a file in that folder" if folder else "choose another name, or remove it if you mean it"
         raise ResultError(f"{path} exists and is not {what}: it is not replaced", fix=fix)
+
+
+def usual_fix(error: Exception) -> str:
+    """What to do about a file that cannot be written."""
+    return "free some space" if getattr(error, "errno", None) in FULL else "choose a folder that you may write to"
 
 
 def require_ending(path: Path, what: str, *endings: str) -> None:

@@ -15,7 +15,7 @@ import shutil
 from pathlib import Path
 from typing import IO
 
-from cosim.results.result_errors import FULL
+from cosim.machine.files import FULL
 
 WORD = 8
 """Bytes of a number, an address or a size, little-endian; blocks begin at multiples of it."""

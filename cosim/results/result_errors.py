@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 from collections.abc import Iterator
@@ -10,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cosim.errors import ResultError
+from cosim.machine.files import FULL
 
-FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 FIXES = {
     "full": "free some space, record fewer signals, or record with a longer period",
     "write": "choose a folder that you may write to",

@@ -22,7 +22,7 @@ from cosim.results.growing_file import GrowingFile
 from cosim.results.growing_variable import GrowingVariable
 from cosim.results.new_result import new_result
 from cosim.results.recorded import Array, Recorded
-from cosim.results.result_errors import FULL, as_result_error
+from cosim.results.result_errors import as_result_error
 from cosim.results.result_file import refuse_foreign
 
 WAITING_BYTES = 32 * 1024**2
@@ -79,16 +79,22 @@ class ResultWriter:
         if not self._waiting:
             return
         times = np.concatenate([times for times, _ in self._waiting])
-        samples = [times, *(np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals)]
+        samples = {name: np.concatenate([batch[name] for _, batch in self._waiting]) for name in self._signals}
+        full, rows = None, len(times)
         with as_result_error("write", self.path):
-            rows, full = self._reserve(len(times))
-            count = self._count + rows
-            for variable, values in zip(self._variables, samples, strict=True):
-                variable.write(self._count, values[:rows])
-            for variable in reversed(self._variables):  # time is the last
-                variable.count(count)
-            # Only now: what breaks off in between has the next flush write the same samples to the same place again.
-            self._waiting, self._waiting_bytes, self._count = [], 0, count
+            while rows:
+                try:
+                    self._reserve(rows)
+                except OSError as error:
+                    if error.errno not in files.FULL:
+                        raise
+                    full, rows = full or error, rows // 2
+                    continue
+                self._write([times[:rows], *(values[:rows] for values in samples.values())])
+                times, samples = times[rows:], {name: values[rows:] for name, values in samples.items()}
+                # Only now: what breaks off before has the next flush write the same samples to the same place again.
+                self._waiting, rows = [(times, samples)], min(rows, len(times))
+            self._waiting, self._waiting_bytes = [], 0
             if full:
                 raise full
 
@@ -107,21 +113,18 @@ class ResultWriter:
         sums = np.array(self._sums, np.uint32)
         return {"rows": np.array(self._count), "sums": sums, "headers": headers, "image": image}
 
-    def _reserve(self, rows: int) -> tuple[int, OSError | None]:
-        """Have the disk set aside what so many more rows take, or fewer. Returns how many, and why not all."""
-        full = None
-        while True:
-            try:
-                self._file.reserve(sum(variable.bytes_for(self._count + rows) for variable in self._variables))
-            except OSError as error:
-                if error.errno not in FULL:
-                    raise
-                full = full or error
-                if not rows:
-                    return 0, full
-                rows //= 2
-            else:
-                return rows, full
+    def _reserve(self, rows: int) -> None:
+        """Have the disk set aside what so many more rows take. Raises: OSError."""
+        self._file.reserve(sum(variable.bytes_for(self._count + rows) for variable in self._variables))
+
+    def _write(self, samples: Sequence[Array]) -> None:
+        """Write rows, of time and then of each signal, for which there is space. Raises: OSError."""
+        count = self._count + len(samples[0])
+        for variable, values in zip(self._variables, samples, strict=True):
+            variable.write(self._count, values)
+        for variable in reversed(self._variables):  # time is the last
+            variable.count(count)
+        self._count = count
 
     def _sum_up(self) -> None:
         """Take the rows that have come since the last time into a checksum of each variable's."""

@@ -11,6 +11,8 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 from textwrap import dedent
 
@@ -285,6 +287,44 @@ def test_a_full_disk_is_an_error_and_keeps_what_was_flushed(tmp_path, limit):
         with open_result(path) as result:
             assert result.attrs["status"] == "failed" and "File too large" in result.attrs["message"]
     assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+
+@pytest.mark.parametrize("limit", [300_000, 1_000_000, 1_234_567])
+def test_on_a_full_disk_every_row_that_fits_is_kept(tmp_path, monkeypatch, limit):
+    real = os.posix_fallocate
+
+    def full(file, at, size):
+        if at + size > limit:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(file, at, size)
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+
+    def kept(count):
+        """Of so many rows."""
+        with pytest.raises(ResultError) if count > most else nullcontext(), ResultWriter(path, SIGNALS, {}) as writer:
+            writer.append(*samples(0, count))
+            writer.flush()
+        with open_result(path) as result:
+            return len(result.times)
+
+    path, most = tmp_path / "run.nc", 0
+    most = kept(20_000)
+    assert 0 < most < 20_000
+    check_samples(path, most)
+    assert kept(most) == most and kept(most + 1) == most
+
+
+def test_writers_of_several_threads_do_not_meet(tmp_path):
+    """Each has HDF5 make a file in memory; of one name there is one at a time."""
+
+    def work(k):
+        for _ in range(20):
+            write(tmp_path / f"{k}.nc", last=50, batch=50)
+
+    with ThreadPoolExecutor(4) as executor:
+        list(executor.map(work, range(4)))
+    check_samples(tmp_path / "3.nc", 50)
 
 
 def test_only_results_are_replaced(tmp_path):
