@@ -16,7 +16,7 @@ from cosim.engine import compilation, program
 from cosim.engine.outcome import Outcome
 from cosim.engine.program import Program
 from cosim.engine.run import ENGINES, Run
-from cosim.errors import CosimError, DiagramErrors
+from cosim.errors import CosimError, DiagramErrors, ResultError
 from cosim.machine import parallel
 from cosim.machine.interruption import Interrupted
 from cosim.wiring.network import Network
@@ -121,5 +121,7 @@ class RefinedRuns:
         outcome = run.execute(watch)
         if outcome.status == "interrupted":
             raise Interrupted(outcome.signal or signal.SIGINT)
+        if isinstance(outcome.error, ResultError):  # which says nothing of the step
+            raise outcome.error
         assert isinstance(run.reductions, Observed)
         return Observation(run.network.diagram.run.step, outcome, run.reductions, run.output, run.unstable)

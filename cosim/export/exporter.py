@@ -136,5 +136,4 @@ def _pack(output: Path, members: dict[str, bytes]) -> None:
             for name, content in members.items():
                 archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
     except OSError as error:
-        fix = "choose a folder that you may write to"
-        raise ResultError(f"cannot write {output}: {error.strerror}", fix=fix) from None
+        raise ResultError(f"cannot write {output}: {error.strerror}", fix=files.usual_fix(error)) from None

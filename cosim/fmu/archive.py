@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 
 from cosim.errors import ArchiveError, FmuError, MissingFile, Position
 from cosim.fmu.fmi import Version
+from cosim.machine import files
 
 MOST_MEMBERS = 20_000
 MOST_BYTES = 4 << 30
@@ -60,15 +61,24 @@ def _extract(path: Path, folder: Path, position: Position | None) -> None:
             _check(path, members, position)
             for member in members:
                 _extract_member(archive, member, folder)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, ValueError) as error:
-        message = f"`{path}` is no sound FMU archive: {error}"
-        raise ArchiveError(message, position, "copy or export the FMU again") from None
+    except OSError as error:
+        if error.errno in files.FULL:
+            fix = "free some space, or have the environment variable TMPDIR name another folder"
+            message = f"cannot unpack `{path}` into {folder.parent}: {error.strerror}"
+            raise ArchiveError(message, position, fix) from None
+        raise _unsound(path, error, position) from None
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError) as error:
+        raise _unsound(path, error, position) from None
     if not (folder / DESCRIPTION).is_file():
         raise ArchiveError(f"`{path}` has no {DESCRIPTION}", position, "name a file that is an FMU")
     _refuse_entities(path, folder / DESCRIPTION, position)
     build = folder / "sources" / "buildDescription.xml"
     if build.is_file():
         _refuse_entities(path, build, position)
+
+
+def _unsound(path: Path, error: Exception, position: Position | None) -> ArchiveError:
+    return ArchiveError(f"`{path}` is no sound FMU archive: {error}", position, "copy or export the FMU again")
 
 
 def _check(path: Path, members: list[zipfile.ZipInfo], position: Position | None) -> None:

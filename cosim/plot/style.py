@@ -113,7 +113,7 @@ def kind_of(output: Path, kinds: Sequence[str], what: str) -> str:
 
 def cannot_write(output: Path, error: OSError) -> PlotError:
     """What to raise where a file cannot be written."""
-    return PlotError(f"cannot write {output}: {error.strerror or error}", fix="choose a folder that you may write to")
+    return PlotError(f"cannot write {output}: {error.strerror or error}", fix=files.usual_fix(error))
 
 
 def is_ours(path: Path) -> bool:

@@ -35,7 +35,8 @@ def write_all(files: Mapping[Path, str]) -> None:
             with path.open("x", encoding="utf-8", newline="\n") as file:
                 made.append(path)
                 file.write(text)
-    except OSError:
+    except OSError as error:
+        error.filename = error.filename or str(made[-1])  # which a write does not know
         for path in reversed(made):
             with suppress(OSError):
                 path.rmdir() if path.is_dir() else path.unlink()

@@ -77,9 +77,7 @@ def write(path: Path, studies: Sequence[Results], pictures: Pictures = Pictures(
         with files.fresh(path) as new:
             new.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
-        raise ResultError(
-            f"cannot write {path}: {error.strerror}", fix="choose a folder that you may write to"
-        ) from None
+        raise ResultError(f"cannot write {path}: {error.strerror}", fix=files.usual_fix(error)) from None
     return [file for results in studies for figure in results.study.figures for file in pictures.files(results, figure)]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable
 from math import prod
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cosim.errors import ResultError
+from cosim.machine import files
 from cosim.results.metrics import Events
 from cosim.results.netcdf_layout import NOT_A_VARIABLE
 from cosim.results.software_versions import versions
@@ -26,21 +26,27 @@ Variable = tuple[tuple[str, ...], np.ndarray, dict[str, str]]
 
 def write(path: Path, results: Results) -> None:
     """Write the data set, in place of an older one. Raises: ResultError."""
+    try:
+        with files.fresh(path) as new:
+            new.write_bytes(_content(new.name, results))
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or error
+        raise ResultError(f"cannot write {path}: {reason}", fix=files.usual_fix(error)) from None
+
+
+def _content(name: str, results: Results) -> bytes:
+    """The file, made in memory, as HDF5 takes its process along where a disk is full; name: that no other one has."""
     import h5py
 
     study = results.study
     coordinates, variables = arrays(results)
-    fresh = path.with_name(f".{path.name}.{os.urandom(4).hex()}")
-    try:
-        with h5py.File(fresh, "w", track_order=True) as file:
-            file.attrs.update({"title": study.title, "study": study.text, "versions": json.dumps(versions())})
-            for name, variable in {**coordinates, **variables}.items():
-                _create(file, name, variable)
-        fresh.replace(path)
-    except (OSError, RuntimeError, ValueError) as error:
-        raise ResultError(f"cannot write {path}: {error}", fix="choose a folder that you may write to") from None
-    finally:
-        fresh.unlink(missing_ok=True)
+    with h5py.File(name, "w", driver="core", backing_store=False, track_order=True) as file:
+        file.attrs.update({"title": study.title, "study": study.text, "versions": json.dumps(versions())})
+        for variable_name, variable in {**coordinates, **variables}.items():
+            _create(file, variable_name, variable)
+        file.flush()
+        content: bytes = file.id.get_file_image()
+    return content
 
 
 def arrays(results: Results) -> tuple[dict[str, Variable], dict[str, Variable]]:

@@ -8,16 +8,19 @@ has locks: two calls at once would write the same files.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import stat
 import time
 import zlib
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from cosim.errors import ResultError
+from cosim.machine import files
 
 SYNC_SECONDS = 1.0
 
@@ -37,8 +40,7 @@ class Store:
             message = f"another call is at work in {path.parent}"
             raise ResultError(message, fix="wait for it, or choose another folder with --results") from None
         except OSError as error:
-            fix = "choose a folder that you may write to"
-            raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
+            raise ResultError(f"cannot write {path}: {error.strerror}", fix=files.usual_fix(error)) from None
         self._offsets: dict[str, int] = {}
         self._synced = time.monotonic()
         self._end_cut_line()
@@ -59,28 +61,37 @@ class Store:
     def append(self, row: dict[str, Any]) -> None:
         """Keep a row, which has a `key`. Raises: ResultError, such as for a full disk."""
         line = _written(row)
-        try:
+        with self._writing():
             written = os.write(self._file, line)
             if written < len(line):
-                raise OSError(28, "No space left on device")
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             self._offsets[row["key"]] = os.lseek(self._file, 0, os.SEEK_CUR) - len(line)
             if time.monotonic() - self._synced > SYNC_SECONDS:
                 os.fsync(self._file)
                 self._synced = time.monotonic()
-        except OSError as error:
-            fix = "free some space; the next call goes on from here"
-            raise ResultError(f"cannot write {self.path}: {error.strerror}", fix=fix) from None
 
     def close(self) -> None:
-        """Bring everything to the disk and close the file."""
-        os.fsync(self._file)
-        os.close(self._file)
+        """Bring everything to the disk and close the file. Raises: ResultError."""
+        try:
+            with self._writing():
+                os.fsync(self._file)
+        finally:
+            os.close(self._file)
 
     def _end_cut_line(self) -> None:
         """A line that a crash cut off gets its end, so that the next one begins on its own."""
         size = os.fstat(self._file).st_size
         if size and os.pread(self._file, 1, size - 1) != b"\n":
-            os.write(self._file, b"\n")
+            with self._writing():
+                os.write(self._file, b"\n")
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            fix = "free some space; the next call goes on from here"
+            raise ResultError(f"cannot write {self.path}: {error.strerror}", fix=fix) from None
 
     def _scan(self) -> Iterator[tuple[int, dict[str, Any]]]:
         offset = 0

@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 
 from cosim.errors import ResultError
+from cosim.machine import files
 from cosim.results.latex_tables import latex
 from cosim.results.text_table import TextTable
 from cosim.study import file_names
@@ -16,17 +17,14 @@ from cosim.study.running import Results
 def write(results: Results, made: Sequence[TextTable]) -> None:
     """Write each table in each form, beside the study's data set. Raises: ResultError."""
     for table in made:
-        path = results.kept_in / f"{file_names.stem(table.title)}.md"
-        try:
-            path.write_text(markdown(table), encoding="utf-8")
-            path = path.with_suffix(".tex")
-            path.write_text(f"{latex(table)}\n", encoding="utf-8")
-            path = path.with_suffix(".csv")
-            with path.open("w", newline="", encoding="utf-8") as file:
-                csv.writer(file).writerows(_numbers(table))
-        except OSError as error:
-            fix = "choose a folder that you may write to"
-            raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
+        stem = file_names.stem(table.title)
+        for ending, text in (("md", markdown(table)), ("tex", f"{latex(table)}\n"), ("csv", _csv(table))):
+            path = results.kept_in / f"{stem}.{ending}"
+            try:
+                with files.fresh(path) as new:
+                    new.write_text(text, encoding="utf-8", newline="")
+            except OSError as error:
+                raise ResultError(f"cannot write {path}: {error.strerror}", fix=files.usual_fix(error)) from None
 
 
 def markdown(table: TextTable) -> str:
@@ -38,6 +36,12 @@ def markdown(table: TextTable) -> str:
         text.write("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n")
     for note in table.notes:
         text.write(f"\n{note}\n")
+    return text.getvalue()
+
+
+def _csv(table: TextTable) -> str:
+    text = io.StringIO()
+    csv.writer(text).writerows(_numbers(table))
     return text.getvalue()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import stat
 import struct
 import zipfile
@@ -93,6 +95,16 @@ def test_a_truncated_archive_is_refused(packed, cut):
     path.write_bytes(path.read_bytes()[:-cut])
     with pytest.raises(ArchiveError, match="no sound FMU archive"):
         archive.unpack(path)
+
+
+def test_a_full_disk_is_not_the_archive_s_fault(packed, monkeypatch):
+    def full(archive, member, folder):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(archive, "_extract_member", full)
+    with pytest.raises(ArchiveError, match=r"cannot unpack `.*some\.fmu` into .*: No space left on device") as caught:
+        archive.unpack(packed({"a": "1"}))
+    assert "free some space" in caught.value.fix and "export" not in str(caught.value)
 
 
 def test_damaged_data_are_refused(packed):

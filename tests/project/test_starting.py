@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -87,6 +88,15 @@ def test_what_was_written_is_removed_where_the_rest_cannot_be(tmp_path, monkeypa
     assert [path.name for path in tmp_path.iterdir()] == ["blocks"]
 
 
+def test_a_file_for_which_there_is_no_space_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    command = [sys.executable, "-m", "cosim", "init", "own"]
+    limited = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **limited)
+    assert done.returncode == 2 and done.stderr.startswith("error: own/") and "File too large" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_editor_knows_the_keys(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["init", "."]) == 0
@@ -130,7 +140,7 @@ def test_every_shipped_diagram_and_study_keeps_the_schema(capsys):
     from cosim.errors import Problems
 
     kinds = {kind: schema_of(kind, capsys) for kind in ("diagram", "study")}
-    files = [path for path in (ROOT / "diagrams").rglob("*.yaml") if "results" not in path.parts]
+    files = [path for path in (ROOT / "diagrams").rglob("*.yaml") if "results" not in path.relative_to(ROOT).parts]
     assert len(files) > 10
     for path in files:
         tree = source.read(path, Problems())

@@ -1,5 +1,6 @@
 """The file of finished members: whatever becomes of it, no row is read that was not written so."""
 
+import errno
 import json
 import os
 
@@ -90,6 +91,22 @@ def test_a_row_without_a_status_runs_again(results, tmp_path):
     again = results()
     assert (again.ran, again.reused) == (1, 23)
     assert running.summary(again)["counts"] == {"completed": 24}
+
+
+@pytest.mark.parametrize("call", ["write", "fsync"])
+def test_a_full_disk_names_the_file(tmp_path, monkeypatch, call):
+    """Also while a line that was cut off gets its end, and while the file is closed."""
+    whole = written(tmp_path)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        store = None if call == "write" else read(tmp_path, whole)[0]
+        patch.setattr(os, call, full)
+        said = r"cannot write .*members\.jsonl: No space left on device\n.*free some space"
+        with pytest.raises(ResultError, match=said):
+            read(tmp_path, whole[:-5]) if call == "write" else store.close()
 
 
 def test_what_is_no_file_is_refused(tmp_path):

@@ -1,11 +1,14 @@
 """Tables: what is reduced how, what headings say of it, and that rows and labels are not mixed up."""
 
 import csv
+import os
+import resource
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cosim.errors import ResultError
 from cosim.report import words
 from cosim.results.metrics import REDUCTIONS
 from cosim.results.step_figures import STEP_FIGURES
@@ -138,6 +141,37 @@ def test_a_table_of_any_title_is_written_into_the_folder(results, tmp_path, titl
     made = set(tmp_path.rglob("*")) - before
     assert len(made) == 3
     assert all(path.parent == tmp_path / "results" for path in made)
+
+
+@pytest.mark.parametrize("limit", [1, 50, 4096, 8192])
+def test_a_full_disk_leaves_what_was_there(results, tmp_path, limit):
+    """In a process of its own: HDF5 takes one along when a write fails."""
+    done = results("{diagram: diagram.yaml, tables: {Tops: {columns: [top]}}}")
+    there = {tmp_path / "results" / name: b"before" for name in ("study.nc", "tops.md", "tops.tex", "tops.csv")}
+    for path, content in there.items():
+        path.write_bytes(content)
+    child = os.fork()
+    if child == 0:
+        code = 2
+        try:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+            for write in (
+                lambda: dataset.write(tmp_path / "results" / "study.nc", done),
+                lambda: table_files.write(done, text_tables.tables(done)),
+            ):
+                try:
+                    write()
+                except ResultError as error:
+                    assert "File too large" in error.message and error.fix == "free some space"
+            code = 0
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert (tmp_path / "results" / "study.nc").read_bytes() == b"before"
+    for path in there:
+        content = path.read_bytes()
+        assert content == b"before" or (len(content) <= limit and path.suffix != ".nc")
+    assert not list((tmp_path / "results").glob(".*"))
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -252,6 +254,21 @@ def test_a_result_that_takes_no_more_is_an_error_after_the_figures(cosim, monkey
     monkeypatch.setattr(result_writer, "add_accuracy", full)
     code, out, err = cosim("run", DECAY, "--error")
     assert code == 1 and rows(out)["last"][1] == "±" and "No space left on device" in err
+
+
+def test_a_full_disk_is_no_trouble_of_the_step(cosim, monkeypatch):
+    """Of seven runs, those that find no space."""
+    left = [4]
+
+    def full(file, at, size):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    code, out, err = cosim("accuracy", DECAY)
+    assert code == 2 and "No space left on device" in err and "free some space" in err
+    assert "step" not in err and "±" not in out
 
 
 def test_many_metrics_find_room_in_a_result(cosim):
