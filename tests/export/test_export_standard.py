@@ -149,6 +149,16 @@ def test_calls_between_steps_that_are_refused(host, version, call):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("size", [1e19 * STEP, 1e298])
+def test_a_step_of_more_steps_than_can_be_counted_is_none(host, version, size):
+    one = host("robot", version).initialize(u=[1.0, 0.0])
+    with pytest.raises(FMICallException):
+        one.step(0, size)
+    assert "too many steps" in one.messages[-1]
+    one.step(0, STEP)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
 def test_functions_of_the_other_kind_are_refused(host, version):
     me = host("robot", version, me=True).initialize()
     with pytest.raises(FMICallException):

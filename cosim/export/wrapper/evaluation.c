@@ -6,6 +6,7 @@
 #include <string.h>
 
 static const double ROUNDING = 1e-9; /* relative to a step: what rounding may do to a time */
+static const double MOST_TICKS = 0x1p62; /* of a run, as they are counted in 64 bits */
 
 /* ---- calling the loop ---------------------------------------------------------------------------------------- */
 
@@ -356,6 +357,8 @@ Status do_step(Instance *i, double time, double size) {
     if (at->stop_defined && time + size > at->stop + 1e-6 * size)
         return tell(i, ERROR, LOG_ERROR, "doStep: ends at t = %g s, after the stop time %g s", time + size, at->stop);
     const double n = fmax(1, ceil(size / model.step - ROUNDING));
+    if (!((double)at->k + n * (double)model.grid < MOST_TICKS))
+        return tell(i, DISCARD, LOG_WARNING, "doStep: %g s are too many steps of %g s", size, model.step);
     double step = size / n;
     if (fabs(step - model.step) <= ROUNDING * model.step) step = model.step;
     if (model.n_clocks && step != model.step)
