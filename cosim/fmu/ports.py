@@ -6,6 +6,7 @@ parameters here, also where FMI calls them inputs.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
@@ -160,6 +161,7 @@ def ports(description: Any, sizes: Mapping[str, int] | None = None) -> dict[str,
     _check_references(description.modelVariables)
     version = versions.find(description.fmiVersion)
     usable = [v for v in description.modelVariables if not why_unusable(v)]
+    _check_names(usable)
     found = {}
     for name, (members, given_shape) in version.groups(usable).items():
         dtype, code, accessor = version.types[members[0].type]
@@ -185,6 +187,13 @@ def _check_references(variables: Any) -> None:
         if not 0 <= variable.valueReference <= _LARGEST_REFERENCE:
             message = f"its variable `{variable.name}` has the value reference {variable.valueReference}"
             raise FmuError(f"{message}, which is no unsigned number of 32 bits", fix="export the FMU again")
+
+
+def _check_names(variables: Any) -> None:
+    """Raises: FmuError for a name that two variables have, so that nobody knows whose values are meant."""
+    for name, times in Counter(variable.name for variable in variables).items():
+        if times > 1:
+            raise FmuError(f"{times} of its variables are called `{name}`", fix="export the FMU again")
 
 
 def why_unusable(variable: Any) -> str:

@@ -250,6 +250,7 @@ def build(tree: Node, files: list[Path], problems: Problems) -> Diagram:
     sections = {key: node.value for key, node in tree.value.items()}
     run = _run(tree, reader)
     _check_integration(run, unfolded.blocks.values(), reader)
+    _check_clocks(run, unfolded.blocks.values(), reader)
     fleets = _fleets(sections.get("fleets", {}), unfolded, reader)
     titled = tree.value.get("title")
     title = read_value(DIAGRAM["title"], titled, "title", reader) if titled else source.title_of(path)
@@ -325,6 +326,16 @@ def _check_integration(run: RunSettings, blocks: Iterable[BlockEntry], reader: R
     if run.absolute_tolerance is not None and not tolerant:
         said = "`run.absolute_tolerance` does nothing without a tolerance"
         reader.wrong(run.nodes["absolute_tolerance"], said, "add `tolerance`, such as 1e-6", WrongValue)
+
+
+def _check_clocks(run: RunSettings, blocks: Iterable[BlockEntry], reader: Reader) -> None:
+    """Report an FMU's clock that begins so late that its steps are lost in rounding."""
+    for entry in blocks:
+        start = entry.settings.get("start_time")
+        if start and (least := math.ulp(start.value)) > run.step / 1000:
+            clock = f"a clock that begins at {start.value:g} s goes in steps of {least:.2g} s"
+            message = f"block `{entry.name}`: {clock}, and `run.step` is {run.step:g} s"
+            reader.wrong(start, message, "an earlier `start_time`, or a larger `run.step`", WrongValue)
 
 
 def _check_reference(run: RunSettings, reader: Reader) -> None:

@@ -216,6 +216,8 @@ def test_an_input_that_is_left_at_its_start_value_is_a_finding(machines, partner
             lambda xml: xml.replace('Integer start="0"', f'Integer start="{1 << 40}"'),
             "variable `fault` is no Int",
         ),
+        (2, "cs", lambda xml: xml.replace('name="y"', 'name="u"'), "2 of its variables are called `u`"),
+        (3, "me", lambda xml: xml.replace('name="y"', 'name="T"'), "2 of its variables are called `T`"),
         (2, "cs", lambda xml: xml.replace('Identifier="machine"', 'Identifier="../../../evil"'), "no name of a file"),
         (3, "me", lambda xml: xml.replace('Identifier="machine"', 'Identifier="/tmp/evil"'), "no name of a file"),
         (3, "cs", lambda xml: xml.replace('Identifier="machine"', r'Identifier="a\b"'), "no name of a file"),
