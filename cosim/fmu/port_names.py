@@ -126,6 +126,10 @@ def _unknown(entry: BlockEntry, node: Node, ports: Mapping[str, Port], hidden: M
     if node.value in hidden:
         message = f"block {entry.name}: the variable `{node.value}` of `{entry.path.name}` {hidden[node.value]}"
         return UnknownPort(message, node.position, "it can be no port of a block")
+    whole = next((port.name for port in ports.values() if any(node.value == m.name for m in port.members)), None)
+    if whole is not None:
+        message = f"block {entry.name}: the variable `{node.value}` is an element of `{whole}`, which is one array"
+        return UnknownPort(message, node.position, f"name `{whole}`, with all its elements")
     message = f"block {entry.name}: `{entry.path.name}` has no variable `{node.value}`"
     return UnknownPort(message, node.position, nearest(node.value, ports))
 

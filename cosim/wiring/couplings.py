@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cosim.errors import WrongValue
@@ -48,6 +50,8 @@ def _coupling(draft: Draft, component: Component, port: str) -> Coupling | None:
         interpolated = run.method == "iterated" and not why
         judged = bool(run.coupling_tolerance) and _is_judged(draft, component, port)
         return Coupling(order=reached, interpolated=interpolated) if reached or interpolated or judged else None
+    if math.isnan(run.step):  # which is told
+        return Coupling(exact(delay.value))
     late = exact(delay.value, run.step)
     if late < exact(run.step):
         message = f"block {component.name}: `{port}` is read {delay.value:g} s late, which is less than a step"

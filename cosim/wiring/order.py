@@ -80,7 +80,7 @@ def check_given(draft: Draft) -> None:
         message = f"`run.order` is of no use under `{run.method}`, where no block takes its turn before another"
         draft.problems.add(WrongValue(message, node.place, "remove it, or write `method: gauss-seidel`"))
     for named in node.value:
-        component = draft.named(named.value, named)
+        component = draft.named(named.value, named) if isinstance(named.value, str) else None
         if component and not has_turn(component):
             message = f"`run.order`: {named.value} has no turn, as it is {_instead(component)}"
             draft.problems.add(WrongValue(message, named.position, "remove it"))

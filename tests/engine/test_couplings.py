@@ -240,6 +240,13 @@ def test_what_cannot_be_is_refused_at_its_place(wired, old, new, said):
     assert all(error.position.line for error in caught.value.errors)
 
 
+@pytest.mark.parametrize("step", ["", "step: .nan, ", "step: 0, "])
+def test_a_delay_where_no_step_is_known_is_no_mistake_more(wired, step):
+    with pytest.raises(DiagramErrors, match=r"run\.step") as caught:
+        wired(DELAYED.replace("step: 0.01", step))
+    assert len(caught.value.errors) == 1
+
+
 def test_what_a_wire_says_is_resolved_to_the_same_diagram(wired, tmp_path):
     network = wired(DELAYED)
     path = tmp_path / "resolved.yaml"

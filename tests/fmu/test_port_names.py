@@ -7,7 +7,7 @@ import pytest
 
 from cosim.engine import run
 from cosim.errors import DiagramErrors
-from tests.fmu import feedthrough
+from tests.fmu import feedthrough, machine
 
 KINDS = {
     "2 cs": (2, "cs", ""),
@@ -94,6 +94,14 @@ def test_gathered_states_are_one_state(machines, partners, trajectories, version
     assert np.array_equal(got["plant.both"][:, 0], got["plain.h"].ravel())
     assert np.array_equal(got["plant.both"][:, 1], got["plain.x"].ravel())
     assert np.ptp(got["plain.x"]) > 0.1
+
+
+def test_an_element_of_what_is_gathered_by_itself_is_told_to_be_one(tmp_path, write):
+    path = machine.build(tmp_path / "own", 2, "cs", edit=lambda xml: xml.replace('name="u"', 'name="u[1]"'))
+    text = f"run: {{stop: 1, step: 1}}\nblocks: {{plant: {{fmu: {path}, ports: {{p: ['u[1]']}}}}}}\n"
+    with pytest.raises(DiagramErrors, match=r"`u\[1\]` is an element of `u`, which is one array") as caught:
+        run.load(write(text))
+    assert "name `u`" in str(caught.value)
 
 
 def test_arrays_gather_to_arrays_of_more_axes(tmp_path, write, trajectories):

@@ -261,6 +261,7 @@ def test_turns_are_taken_in_the_order_that_is_given(wired, tmp_path, trajectorie
         ("method: gauss-seidel, order: [a, ^a]", "`run.order` names `a` twice"),
         ("method: gauss-seidel, order: ^a", "`run.order` must be a list of blocks, not the text `a`"),
         ("method: gauss-seidel, order: [^[a]]", "`run.order` must be text, not a list"),
+        ("method: gauss-seidel, order: [a, ^3]", "`run.order` must be text, not `3`"),
         ("method: jacobi, ^order: [a]", "`run.order` is of no use under `jacobi`, where no block takes its turn"),
     ],
 )
