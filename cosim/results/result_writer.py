@@ -149,8 +149,8 @@ class ResultWriter:
         """Flush, note how the run ended, and close.
 
         status: completed, terminated, diverged, interrupted or failed. seconds: wall-clock time of each part.
-        conditions: of those judged along the run, the fields of a `network.Finding`; requirements: of a `Verdict`.
-        inner_steps: of what was integrated within a tolerance. end: the simulated time that was reached (s).
+        conditions: the fields of each `network.Finding`; requirements: of each `Verdict`. inner_steps: of what was
+        integrated within a tolerance. end: the simulated time that was reached (s).
         """
         problem = None
         try:
@@ -158,16 +158,10 @@ class ResultWriter:
         except ResultError as error:
             problem, status, message = error, "failed", error.message
         last: dict[str, Any] = {"status": status, "message": message, "steps": steps, "end": end}
-        last |= {"metrics": metrics or {}, "seconds": seconds or {}, "conditions": list(conditions)}
-        last |= {"inner_steps": inner_steps or {}, "accuracy": {}, "requirements": list(requirements)}
-        try:
-            with as_result_error("write", self.path):
-                self._file.reserve(attributes.size_of(last))
-        except ResultError as full:  # the rows are worth more than the figures, which can be made of them
-            said = f"{message[:200]} (its figures found no space)".strip()
-            problem = problem or full
-            last |= {"status": "failed", "message": said, "metrics": {}, "conditions": []}
-            last |= {"inner_steps": {}, "requirements": []}
+        last |= {"metrics": metrics or {}, "conditions": list(conditions), "requirements": list(requirements)}
+        last |= {"seconds": seconds or {}, "inner_steps": inner_steps or {}, "accuracy": {}}
+        full = self._set_aside(last)
+        problem = problem or full
         try:
             with as_result_error("write", self.path):
                 attributes.write_last(self._file, last)
@@ -176,6 +170,18 @@ class ResultWriter:
             self._file.close()
         if problem:
             raise problem
+
+    def _set_aside(self, last: dict[str, Any]) -> ResultError | None:
+        """Take space for what is known at the end; where there is none, leave its figures out, and say so."""
+        try:
+            with as_result_error("write", self.path):
+                self._file.reserve(attributes.size_of(last))
+        except ResultError as full:  # the rows are worth more than the figures, which can be made of them
+            said = f"{last['message'][:200]} (its figures found no space)".strip()
+            last |= {"status": "failed", "message": said, "metrics": {}, "inner_steps": {}}
+            last |= {"conditions": [], "requirements": []}
+            return full
+        return None
 
     def __enter__(self) -> Self:
         return self
