@@ -37,6 +37,8 @@ OPERATIONS: dict[str, Callable[..., float]] = {
     **{name: function.python for name, function in FUNCTIONS.items()},
 }
 """What each operation of an expression computes."""
+_SHORT = 20
+"""Operations, each with the one before as its first operand, up to which functions call each other."""
 _DECIDED = {"both": 0.0, "either": 1.0}
 """The first truth value that leaves the second without effect."""
 
@@ -125,6 +127,10 @@ def _chain(part: Applied, text: str) -> Evaluator:
         links.append((first.operation, [_build(operand, text) for operand in first.operands[1:]]))
         first = first.operands[0]
     begin = _build(first, text)
+    if len(links) <= _SHORT:
+        for operation, others in reversed(links):
+            begin = _applied(operation, begin, others)
+        return begin
 
     def value(names: Names) -> float:
         found = begin(names)
@@ -132,6 +138,22 @@ def _chain(part: Applied, text: str) -> Evaluator:
             if _DECIDED.get(operation) != found:
                 found = OPERATIONS[operation](found, *(other(names) for other in others))
         return found
+
+    return value
+
+
+def _applied(operation: str, first: Evaluator, others: list[Evaluator]) -> Evaluator:
+    """An operation of one or two operands."""
+    apply, decided = OPERATIONS[operation], _DECIDED.get(operation)
+    if not others:
+        return lambda names: apply(first(names))
+    (second,) = others
+    if decided is None:
+        return lambda names: apply(first(names), second(names))
+
+    def value(names: Names) -> float:
+        found = first(names)
+        return found if found == decided else apply(found, second(names))
 
     return value
 

@@ -33,8 +33,8 @@ def report(components: Mapping[str, Component], problems: Problems) -> None:
     """A WrongShape for what has several elements, and others than what it is combined with."""
     for component in components.values():
         variables = {d: v for v in component.declaration.variables.values() for d in v.shape}
-        for name, dimension in component.declaration.dimensions.items():
-            wide = [d for d in dimension.widest if name in component.axes and _several(component, d)]
+        for dimension in component.declaration.dimensions.values():
+            wide = [d for d in dimension.widest if d in component.axes and _several(component, d)]
             shapes = {d: component.shape(variables[d]) for d in wide}
             for other in (d for d in wide[1:] if shapes[d] != shapes[wide[0]]):
                 problems.add(_mismatch(component, variables[other], shapes[other], variables[wide[0]], shapes[wide[0]]))

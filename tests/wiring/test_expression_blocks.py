@@ -217,6 +217,14 @@ def test_a_mistake_is_told_at_its_place(tmp_path, block, kind, column, said, fix
     assert error.message.startswith(("block b: ", "block `b`: ", "block `b` ", "`blocks.b", "block c: "))
 
 
+def test_what_is_not_known_is_told_alone(tmp_path):
+    """Beside a vector; its size is nobody's mistake then."""
+    path = tmp_path / "d.yaml"
+    path.write_text(HEAD + "  b: {expression: 'x*z', inputs: {x: v.y, z: nobody.y}}\n")
+    (error,) = mistakes(path)
+    assert "`nobody.y` names no block" in error.message
+
+
 PLACES = {
     "    expression: u + gian": (8, 21),
     "    expression: 'u + gian'": (8, 22),
