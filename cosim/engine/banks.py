@@ -52,6 +52,7 @@ def _equations(writer: Writer, components: Sequence[Component], inner: Range, ap
     states = np.concatenate(found if apart else [part.reshape(1, -1) for part in found], axis=1)
     systems, size = states.shape
     timed = any(None in writer.calls[row[tables.A]].arguments for row in _calls(writer, inner))
+    timed |= any(row[tables.KIND] == tables.TRACE for row in writer.rows[slice(*inner)])
     work = writer.layout.allocate(8 * states.size * (tables.SYSTEM_VECTORS + 2 * size))
     words = [systems, size, work, int(timed), *(states - _span(writer.layout, components)[0]).reshape(-1)]
     return writer.layout.constant(np.array(words, np.int64))

@@ -41,8 +41,7 @@ def write(path: Path, title: str, variants: Variants, variant: str, settings: Se
         with files.fresh(path) as new:
             new.write_text(f"{MARK}{title}.\n{source.dump(content)}", encoding="utf-8")
     except OSError as error:
-        fix = "choose a folder that you may write to"
-        raise ResultError(f"cannot write {path}: {error.strerror}", fix=fix) from None
+        raise ResultError(f"cannot write {path}: {error.strerror}", fix=files.usual_fix(error)) from None
 
 
 def _left_out(variants: Variants, variant: str, network: Network) -> list[str]:
