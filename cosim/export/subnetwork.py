@@ -62,12 +62,19 @@ def cut(network: Network, blocks: Sequence[str], member: int) -> SubNetwork:
 
 
 def _sample_late(cut: Network) -> None:
-    """Have importers stop at every step of the diagram's, at which wires that bring something late take samples."""
-    step = Clock(exact(cut.diagram.run.step))
+    """Have importers stop at every step of the diagram's, at which wires that bring something late take samples.
+
+    Raises: NotExportable where something is not read before the diagram's end, for which there is no room.
+    """
+    run = cut.diagram.run
     for component in cut.components.values():
         for port, coupling in component.couplings.items():
+            if coupling.delay > exact(run.stop):
+                message = f"block {component.name}: `{port}` is read later than the diagram's end"
+                place = component.entry.inputs[port].beside["delay"].place
+                raise NotExportable(message, place, f"a run.stop of {float(coupling.delay):g} s or more")
             if component.is_late(port):
-                component.couplings[port] = replace(coupling, jumps=(*coupling.jumps, step))
+                component.couplings[port] = replace(coupling, jumps=(*coupling.jumps, Clock(exact(run.step))))
 
 
 def _ordered(cut: Network) -> Network:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -44,8 +44,8 @@ def settle(network: Network) -> None:
         coupling = component.couplings[port]
         component.couplings[port] = replace(coupling, shift=math.ceil(coupling.delay / unit) * unit)
     for component, port in late:
-        jumps = tuple(_jumps(network, component, port))
-        component.couplings[port] = replace(component.couplings[port], jumps=jumps)
+        found = tuple(_jumps(network, component, port))
+        component.couplings[port] = replace(component.couplings[port], jumps=found)
 
 
 def behind(network: Network, component: Component, port: str) -> Behind:
@@ -108,15 +108,15 @@ def _reads(network: Network, signal: Signal) -> tuple[Iterable[Signal], bool]:
     return (), not isinstance(variable, (Parameter, CalculatedParameter, Period))
 
 
-def _jumps(network: Network, component: Component, port: str) -> Iterator[Clock]:
+def _jumps(network: Network, component: Component, port: str) -> list[Clock]:
     """The clocks by which an input that is read late jumps between two samples of the block itself, if any."""
     run, coupling = network.diagram.run, component.couplings[port]
-    if component.is_sampled:
-        return
+    if component.is_sampled or coupling.delay > exact(run.stop):
+        return []
     clocks = [clock.later(coupling.shift) for clock in behind(network, component, port).clocks]
     if port in component.given and all(clock.offset > coupling.shift for clock in clocks):
         clocks.append(Clock((run.steps + 1) * exact(run.step), coupling.shift))  # where it leaves its start value: once
-    yield from (clock for clock in clocks if clock.offset <= exact(run.stop))
+    return clocks
 
 
 def _unit(network: Network, delays: Iterable[Fraction]) -> Fraction:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cosim
-from cosim.errors import CosimError
+from cosim.errors import CosimError, NotExportable
 
 STEP, PERIOD, STOP = 0.01, 0.1, 1.0
 LOOP = f"""
@@ -122,3 +122,18 @@ def test_a_plant_as_an_fmu_hears_the_same_at_the_same_time(exported, tmp_path, v
         diagram = diagram.set({"run.method": method})
         swapped = diagram.swap(plant=tmp_path / "exported.fmu").set({"blocks.plant.mode": mode})
         assert swapped.run()["plant.x"].tobytes() == diagram.run()["plant.x"].tobytes()
+
+
+def test_an_fmu_may_go_on_beyond_the_end_of_its_diagram(exported):
+    """Also where the first sample arrives after that."""
+    text = LOOP.replace(f"period: {PERIOD},", f"period: {PERIOD}, offset: 0.25,", 1)
+    whole = exported(text, 0.1, "3.0")[0].run()["plant.x"]
+    _, importing = exported(text.replace(f"stop: {STOP}", "stop: 0.3"), 0.1, "3.0")
+    assert importing("co-simulation").run()["f.plant.x"].tobytes() == whole.tobytes()
+    assert importing("model-exchange").run()["f.plant.x"] == pytest.approx(whole, abs=1e-11)
+
+
+def test_what_is_not_read_before_the_diagrams_end_is_not_exported(exported):
+    with pytest.raises(NotExportable, match="`u` is read later than the diagram's end") as caught:
+        exported(LOOP, 1.5, "3.0")
+    assert caught.value.position.line and "run.stop of 1.5 s" in caught.value.fix
