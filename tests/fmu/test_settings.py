@@ -101,7 +101,7 @@ def test_time_events_and_ends_are_told_by_the_runs_clock(machines, write, trajec
         (", tolerance: small", "unknown name `small`"),
         (", start_time: .inf", "`blocks.plant.start_time` must be finite"),
         (", start_time: now", "unknown name `now`"),
-        (", start_time: 1.0e+12", "begins at 1e+12 s goes in steps of 0.00012 s, and `run.step` is 0.1 s"),
+        (", start_time: 1.0e+13", "begins at 1e+13 s goes in steps of 0.002 s, and `run.step` is 0.25 s"),
         (", start_time: -1.0e+17", "begins at -1e+17 s goes in steps of 16 s"),
         (", event_mode: maybe", "`blocks.plant.event_mode` cannot be the text `maybe`"),
         (", log: []", "`blocks.plant.log` is an empty list"),
