@@ -78,7 +78,7 @@ def module(name: str, sources: Iterable[KernelSource]) -> Module:
     """
     sources = tuple(sources)
     key = _key([s.symbol + s.fingerprint for s in sources])
-    entry = f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)[:80]}-{key}"
+    entry = _entry(name, key)
     once = next((reason for s in sources if (reason := obstacle(s.fingerprint))), "")
     code = None if once else cache.read(entry)
     if code is not None:
@@ -90,6 +90,10 @@ def module(name: str, sources: Iterable[KernelSource]) -> Module:
     if not once:
         cache.write(entry, code)
     return Module(name, code, key, True, sources)
+
+
+def _entry(name: str, key: str) -> str:
+    return f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)[:80]}-{key}"
 
 
 def _say(name: str, obstacle: str) -> None:
@@ -112,4 +116,13 @@ def block_module(declaration: Declaration, constants: dict[str, int]) -> Module:
 
 def raw_module(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> Module:
     """Compiled functions of a time and two addresses, each behind the kernel ABI under its own name."""
-    return module(name, [raw_source(name, function) for function in functions])
+    return module(name, _raw_sources(name, functions))
+
+
+def is_kept(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> bool:
+    """Whether `raw_module` finds them in the cache."""
+    return cache.read(_entry(name, _key([s.symbol + s.fingerprint for s in _raw_sources(name, functions)]))) is not None
+
+
+def _raw_sources(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> list[KernelSource]:
+    return [raw_source(name, function) for function in functions]

@@ -6,9 +6,9 @@ from typing import Any
 
 from cosim.compiling import kernels
 from cosim.compiling.kernels import Kernels
+from cosim.engine import loop_code
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
-from cosim.master import integration, loop
 from cosim.wiring.network import Component
 
 
@@ -18,26 +18,24 @@ def compile_program(program: Program) -> Kernels:
     Raises: DiagramErrors with all that keeps functions from being compiled, each at its line.
     """
     made: dict[tuple[Any, ...], kernels.Module | None] = {}
+    modules: dict[str, kernels.Module | None] = {}
     problems = Problems()
-    result = Kernels(loop=kernels.raw_module("engine", (loop.run, loop.execute, integration.derive)))
-    for name, component in program.network.components.items():
-        foreign = component.declaration.foreign
-        if foreign:
-            result.modules[name] = kernels.raw_module("fmu", [foreign.kernel])
-            continue
-        if not component.declaration.compiled:
-            result.modules[name] = None
-            continue
-        key = (id(component.declaration), *component.constants().items())
-        if key not in made:
-            made[key] = _module(component, problems)
-        result.modules[name] = made[key]
-    problems.raise_if_any()
-    return result
+    with loop_code.compiled_beside() as loop:
+        for name, component in program.network.components.items():
+            key = (id(component.declaration), *component.constants().items())
+            if key not in made:
+                made[key] = _module(component, problems)
+            modules[name] = made[key]
+        problems.raise_if_any()
+        return Kernels(modules, loop())
 
 
 def _module(component: Component, problems: Problems) -> kernels.Module | None:
-    """The kernels of a component's type; None, and mistakes with its name, where they cannot be compiled."""
+    """The kernels of a component's type; None for one that stays Python, or, with mistakes, cannot be compiled."""
+    if component.declaration.foreign:
+        return kernels.raw_module("fmu", [component.declaration.foreign.kernel])
+    if not component.declaration.compiled:
+        return None
     try:
         return kernels.block_module(component.declaration, component.constants())
     except (KernelError, DeclarationError, DiagramErrors) as error:

@@ -169,6 +169,11 @@ def write(name: str, code: bytes) -> None:
             Path(made).unlink()
 
 
+def is_usable() -> bool:
+    """Whether there is a folder for what is kept, made now if need be."""
+    return _place(create=True) is not None
+
+
 def _heading(name: str, code: bytes) -> bytes:
     return _FORMAT + hashlib.sha256(name.encode() + b"\0" + code).hexdigest().encode()
 
