@@ -73,7 +73,7 @@ class Reductions:
             try:
                 monitor.update(samples.times, {key: samples.values[key] for key in monitor.keys})
             except FormulaError as error:
-                error.position = self.network.diagram.requirements[name].begin
+                error.position = self.network.diagram.requirements[name].place(0)
                 raise told(name, error) from None
 
     def state(self) -> dict[str, Any]:

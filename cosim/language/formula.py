@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from cosim.errors import FormulaError, Position, nearest
 from cosim.language.formula_tree import (
@@ -33,6 +33,8 @@ from cosim.language.formula_tree import (
 )
 
 Tree = Term | Condition
+Place = Callable[[int], Position | None]
+"""Where a character of a text stands."""
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 ELEMENTWISE = {"abs": 1, "sqrt": 1, "exp": 1, "log": 1, "sin": 1, "cos": 1, "tan": 1, "atan2": 2}
@@ -75,16 +77,15 @@ _TOKEN = re.compile(
 )
 
 
-def parse(text: str, position: Position | None = None) -> Condition:
-    """The tree of a formula. position: where the text begins. Raises: FormulaError."""
+def nowhere(at: int) -> None:
+    """The place of a character of a text that stands in no file."""
+
+
+def parse(text: str, place: Place = nowhere) -> Condition:
+    """The tree of a formula. Raises: FormulaError, at the place of what is wrong."""
     if len(text) > LONGEST:
-        raise FormulaError(f"a formula of {len(text)} characters is too long", position, f"at most {LONGEST}")
-    return _Parser(text, position).formula()
-
-
-def place(position: Position | None, at: int) -> Position | None:
-    """The place of a part of a text that begins at a position."""
-    return replace(position, column=position.column + at) if position and position.line else position
+        raise FormulaError(f"a formula of {len(text)} characters is too long", place(0), f"at most {LONGEST}")
+    return _Parser(text, place).formula()
 
 
 @dataclass(frozen=True)
@@ -97,8 +98,8 @@ class _Token:
 class _Words:
     """The tokens of a formula, and what is made of them alone."""
 
-    def __init__(self, text: str, position: Position | None) -> None:
-        self.text, self.position = text, position
+    def __init__(self, text: str, place: Place) -> None:
+        self.text, self.place = text, place
         self.tokens = list(self._split())
         self.next = 0
 
@@ -122,7 +123,7 @@ class _Words:
     def refused(self, message: str, at: int, fix: str = "") -> FormulaError:
         text = self.text.strip()
         shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
-        return FormulaError(f"{message}, in `{shown}`", place(self.position, at), fix)
+        return FormulaError(f"{message}, in `{shown}`", self.place(at), fix)
 
     @property
     def token(self) -> _Token:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from cosim.errors import CosimError, FormulaError, Position, WrongType, WrongValue
-from cosim.language.formula import parse, place
+from cosim.language import places
+from cosim.language.formula import parse
 from cosim.language.formula_tree import Condition, mentions
 from cosim.language.keys import ANY, DIAGRAM, read_value
 from cosim.language.reader import Reader
@@ -19,17 +21,25 @@ from cosim.language.source import Node, describe
 class RequirementEntry:
     """What a run has to keep.
 
-    text: the formula as it is written, from `begin`; ends: whether the run ends where it is violated. signals: what
+    formula: as it is written; ends: whether the run ends where it is violated. signals: what
     each `block.port` of the formula is, diagrams as blocks unfolded. position: where the requirement's name stands.
     """
 
     name: str
-    text: str
+    formula: Node
     condition: Condition
     ends: bool
     signals: dict[str, Node]
-    begin: Position
     position: Position
+
+    @property
+    def text(self) -> str:
+        """The formula."""
+        return str(self.formula.value)
+
+    def place(self, at: int) -> Position:
+        """Where a character of the formula stands."""
+        return places.within(self.formula, at)
 
     def plain(self) -> Any:
         """The entry without places, as YAML has it, with the names of an unfolded diagram."""
@@ -73,17 +83,15 @@ def _read(name: str, node: Node, rewired: Callable[[Node], Node], reader: Reader
         reader.wrong(formula, f"`{where}` must be a formula, not {describe(formula)}", fix, WrongType)
         return None
     try:
-        condition = parse(formula.value, formula.position)
+        condition = parse(formula.value, partial(places.within, formula))
     except FormulaError as error:
         reader.problems.add(told(name, error))
         return None
     signals: dict[str, Node] = {}
     for mention in mentions(condition):
         if mention.signal not in signals:
-            position = place(formula.position, mention.at) or formula.position
-            said = Node(mention.signal, position)
-            signals[mention.signal] = rewired(said)
-    return RequirementEntry(name, formula.value, condition, ends, signals, formula.position, node.place)
+            signals[mention.signal] = rewired(Node(mention.signal, places.within(formula, mention.at)))
+    return RequirementEntry(name, formula, condition, ends, signals, node.place)
 
 
 def told(name: str, error: CosimError) -> CosimError:

@@ -11,7 +11,6 @@ from functools import reduce
 import numpy as np
 
 from cosim.errors import WrongUnit
-from cosim.language.formula import place
 from cosim.language.formula_tree import Condition, Junction, Not, Predicate, Proposition
 from cosim.requirements.terms import Array, Quantity, Samples, Scope, joined, quantity, taken
 
@@ -56,7 +55,7 @@ def _predicate(predicate: Predicate, scope: Scope) -> Quantity:
         difference = joined("-", np.subtract, high, low, scope, predicate.at)
     except WrongUnit:
         message = f"`{predicate.sign}` compares {a.label or 'one unit'} with {b.label or 'another'}"
-        raise WrongUnit(message, place(scope.position, predicate.at), "compare what has the same unit") from None
+        raise WrongUnit(message, scope.place(predicate.at), "compare what has the same unit") from None
     at_zero = -NO_MARGIN if len(predicate.sign) == 1 else NO_MARGIN
     return Quantity(
         difference.shape,
@@ -76,7 +75,7 @@ def _signed(margins: Array, at_zero: float) -> Array:
 def _truth(condition: Proposition, scope: Scope) -> Quantity:
     """True or false has no size: its margin is infinite."""
     mention = condition.signal
-    seen = scope.look(mention.signal, place(scope.position, mention.at))
+    seen = scope.look(mention.signal, scope.place(mention.at))
     if seen.dtype.kind != "b":
         message = f"`{mention.signal}` is a number, not true or false"
         raise scope.refused(message, mention.at, f"compare it, such as {mention.signal} < 1")

@@ -12,7 +12,7 @@ import numpy as np
 
 from cosim.errors import FormulaError, Position, WrongUnit
 from cosim.language import units
-from cosim.language.formula import place
+from cosim.language.formula import Place
 from cosim.language.formula_tree import Mention, Number, Operation, Term
 from cosim.language.units import BaseUnit
 
@@ -62,14 +62,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Scope:
-    """What a formula's terms are read by. position: where its text begins."""
+    """What a formula's terms are read by."""
 
     look: Look
-    position: Position | None
+    place: Place
 
     def refused(self, message: str, at: int, fix: str = "") -> FormulaError:
         """The error of a part of the formula."""
-        return FormulaError(message, place(self.position, at), fix)
+        return FormulaError(message, self.place(at), fix)
 
 
 def quantity(term: Term, scope: Scope) -> Quantity:
@@ -93,7 +93,7 @@ def quantity(term: Term, scope: Scope) -> Quantity:
 
 def signal(mention: Mention, scope: Scope) -> Quantity:
     """The samples of a signal as numbers, or of some of its elements. Raises: FormulaError, and what `look` raises."""
-    seen = scope.look(mention.signal, place(scope.position, mention.at))
+    seen = scope.look(mention.signal, scope.place(mention.at))
     if seen.dtype.kind == "b":
         message = f"`{mention.signal}` is true or false, and no number"
         raise scope.refused(message, mention.at, f"write {mention.signal} as a condition of its own")
@@ -166,7 +166,7 @@ def _unit(name: str, a: Quantity, b: Quantity, scope: Scope, at: int) -> tuple[B
         return None, ""
     if a.unit is not None and b.unit is not None and not _same(a.unit, b.unit):
         message = f"`{name}` between {a.label or 'one unit'} and {b.label or 'another'}"
-        raise WrongUnit(message, place(scope.position, at), "compare and add what has the same unit")
+        raise WrongUnit(message, scope.place(at), "compare and add what has the same unit")
     if name == "atan2":
         return None, ""
     known = a if a.unit is not None else b
@@ -181,7 +181,7 @@ def _elementwise(name: str, a: Quantity, scope: Scope, at: int) -> Quantity:
     function = _UNARY[name]
     if name in _OF_ANGLES and a.unit not in (None, BaseUnit(), units.base("rad")):
         message = f"`{name}` of {a.label or 'what is no angle'}"
-        raise WrongUnit(message, place(scope.position, at), "it takes radians: multiply by a block, or its FMU's unit")
+        raise WrongUnit(message, scope.place(at), "it takes radians: multiply by a block, or its FMU's unit")
     kept = name in ("abs", "negative")
     of = a.of
     unit, label = (a.unit, a.label) if kept else (None, "")

@@ -30,15 +30,15 @@ def monitors(network: Network, native: bool = True) -> dict[str, Monitor]:
 
 def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
     """The monitor of one requirement. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit, TooLarge."""
-    made = Monitor(entry.condition, Scope(_look(network, entry), entry.begin), native)
+    made = Monitor(entry.condition, Scope(_look(network, entry), entry.place), native)
     run = network.diagram.run
     needed, stop = horizon(entry.condition), run.stop
     if needed > stop * (1.0 + BEYOND) and run.nodes["stop"].position.line:  # not shortened from outside
         message = f"its windows need {needed:g} s, and the run lasts {stop:g} s"
-        raise FormulaError(message, entry.begin, "windows within the run, or a longer run")
+        raise FormulaError(message, entry.place(0), "windows within the run, or a longer run")
     fix = "a single window, of which no samples are kept, or an element of the signal"
     samples = run.steps if is_open(entry.condition) or not run.steps else min(run.steps, int(needed / run.step) + 1)
-    sizes.require(8 * made.words * samples, f"{samples} samples of it", entry.begin, fix)
+    sizes.require(8 * made.words * samples, f"{samples} samples of it", entry.place(0), fix)
     return made
 
 

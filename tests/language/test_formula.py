@@ -161,7 +161,7 @@ WRONG = {
 def test_a_mistake_has_its_place_and_the_usual_fix(text, wanted):
     column, message, fix = wanted
     with pytest.raises(FormulaError) as caught:
-        parse(text, Position("d.yaml", 7, 1))
+        parse(text, lambda at: Position("d.yaml", 7, 1 + at))
     assert message in caught.value.message
     assert fix in caught.value.fix
     assert (caught.value.position.file, caught.value.position.line) == ("d.yaml", 7)

@@ -391,6 +391,17 @@ def test_what_does_not_fit_is_said_with_its_place_and_a_fix(cosim, write, formul
     assert "diagram.yaml:9:" in err and "fix: " in err and "Traceback" not in err
 
 
+@pytest.mark.parametrize("before", ["", '"', "'", "|\n    ", "{formula: '"])
+@pytest.mark.parametrize("formula", ["always(swng.x < 1)", "always( swing.x < swng.x)", "always(0 < swing.x) ? swng"])
+def test_the_place_is_that_of_the_part_however_the_text_is_written(cosim, write, before, formula):
+    behind = "'}" if before.startswith("{") else before[:1].strip("|")
+    text = requiring(before + formula + behind)
+    _, _, err = cosim("check", write(text))
+    row, line = next(item for item in enumerate(text.split("\n")) if formula in item[1])
+    column = line.index("?" if "?" in formula else "swng")
+    assert f"diagram.yaml:{row + 1}:{column + 1}: error" in err, err
+
+
 def test_every_mistake_is_told_at_once_beside_those_of_the_diagram(cosim, write):
     text = requiring(
         "always(swing.x < 1", "always(swng.x < 1)", "3", "{stop: violated}", "{formula: always(swing.x < 1), stop: x}"
