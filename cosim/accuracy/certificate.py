@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from cosim.accuracy import largest_step, metric_accuracy
+from cosim.accuracy import largest_step, margin_accuracy, metric_accuracy
 from cosim.accuracy.accuracies import CHANGES, Accuracy
 from cosim.accuracy.largest_step import Subject, Wanted
 from cosim.accuracy.metric_accuracy import MetricJudge
@@ -39,6 +39,8 @@ ENDINGS = {"diverged": "diverges", "failed": "fails", "terminated": "is ended"}
 class Certificate:
     """How sure the figures of a diagram are. steps: those that were compared (s). notes: what to bear in mind.
 
+    requirements: how sure their margins are.
+
     runs: how many, and cost: as how many runs of the diagram; seconds: of wall-clock time. warnings: of what is
     unstable at the diagram's step, where all figures may agree and be wrong.
     """
@@ -48,6 +50,7 @@ class Certificate:
     steps: tuple[float, ...]
     metrics: dict[str, Accuracy]
     signals: dict[str, Accuracy] = field(default_factory=dict)
+    requirements: dict[str, Accuracy] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     runs: int = 0
     cost: float = 0.0
@@ -56,8 +59,9 @@ class Certificate:
 
     @property
     def changing(self) -> list[str]:
-        """The metrics that are counted and depend on the step, a sentence each."""
-        return [f"{name}: {accuracy.said}" for name, accuracy in self.metrics.items() if accuracy.kind == CHANGES]
+        """The metrics that are counted and depend on the step, and the requirements that may, a sentence each."""
+        both = {**self.metrics, **self.requirements}
+        return [f"{name}: {accuracy.said}" for name, accuracy in both.items() if accuracy.kind == CHANGES]
 
     def as_json(self) -> dict[str, Any]:
         """For JSON, before `for_json`."""
@@ -68,13 +72,13 @@ class Certificate:
         content |= {"method": self.method, "steps": list(self.steps), "runs": self.runs, "cost": self.cost}
         content |= {"seconds": round(self.seconds, 6), "notes": self.notes, "changing": self.changing}
         content |= {"warnings": list(map(str, self.warnings))} if self.warnings else {}
-        for name in ("metrics", "signals"):
+        for name in ("metrics", "signals", "requirements"):
             content[name] = {key: accuracy.as_json() for key, accuracy in getattr(self, name).items()}
         return content
 
 
 def require_figures(network: Network, signals: bool) -> None:
-    """Raises: UsageError where there is no metric, and no recorded signal if `signals` count too.
+    """Raises: UsageError where there is no metric, no requirement, and no recorded signal if `signals` count too.
 
     Also where steps are as long as a tolerance allows: other steps then say nothing of the error that it leaves.
     """
@@ -82,10 +86,10 @@ def require_figures(network: Network, signals: bool) -> None:
         where = f"blocks.{component}.{key}" if component else f"run.{key}"
         message = f"`{where}` chooses steps, so that halving them does not tell how wrong a figure is"
         raise UsageError(message, fix=f"compare with a run of a tenth of it; or --set {where}=~ for steps of one size")
-    if network.reduced or (signals and network.recorded):
+    if network.reduced or network.diagram.requirements or (signals and network.recorded):
         return
-    also = " and records no signal" if signals else ""
-    message = f"{network.diagram.path} has no metric{also}, so there is no figure that may be wrong"
+    none = "no metric, no requirement and no recorded signal" if signals else "no metric and no requirement"
+    message = f"{network.diagram.path} has {none}, so there is no figure that may be wrong"
     raise UsageError(message, fix="such as metrics: {largest: {signal: plant.x, reduce: max}}")
 
 
@@ -151,8 +155,10 @@ def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certifi
         notes.append(NESTED)
     judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units
     metrics = {name: judge.judge(name, units[name], _doubt(doubts, signal)) for name, signal in network.reduced.items()}
+    margins = {name: margin_accuracy.judge(name, observed) for name in network.diagram.requirements}
     steps = tuple(observed[refinement].step for refinement in TOTAL)
-    return Certificate(str(network.diagram.path), network.diagram.run.method, steps, metrics, notes=notes)
+    method = network.diagram.run.method
+    return Certificate(str(network.diagram.path), method, steps, metrics, requirements=margins, notes=notes)
 
 
 def _require_ends(observed: Runs) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from cosim.requirements.margins import NO_MARGIN
 from cosim.requirements.monitor import Robustness
-from cosim.results.formatting import format_value
+from cosim.results.formatting import format_with_error
 
 WORDS = {True: "kept", False: "violated", None: "undecided"}
 """What is said of a requirement that holds, does not, or is not known to."""
@@ -41,10 +41,14 @@ class Verdict:
     @property
     def margin_text(self) -> str:
         """The margin, or the bound of one that what was still to come could have changed."""
+        return self.margin_within(None)
+
+    def margin_within(self, error: float | None) -> str:
+        """As `margin_text`, with the error that it may have, if that is known."""
         if self.margin is None:
             return "—"
         bound = "" if self.settled else "≥ " if self.holds else "≤ "
-        return f"{bound}{format_value(self.margin)}"
+        return f"{bound}{format_with_error(self.margin, error)}"
 
     @property
     def place(self) -> str:

@@ -25,13 +25,17 @@ def show(certificate: Certificate) -> None:
     both = (*certificate.metrics.values(), *certificate.signals.values())
     more = [("coupling", _coupling), ("integration", _integration)] if any(a.coupling for a in both) else []
     more += [("largest step", _step)] if any(a.wanted is not None for a in both) else []
-    for table in (_metrics(certificate.metrics), _signals(certificate.signals)):
+    for table, accuracies in (
+        (_metrics(certificate.metrics), certificate.metrics),
+        (_signals(certificate.signals), certificate.signals),
+    ):
         if table.rows:
-            accuracies = certificate.metrics if table.head[0] == "metric" else certificate.signals
             table.head += [name for name, _ in more]
             for row, accuracy in zip(table.rows, accuracies.values(), strict=True):
                 row += [cell(accuracy) for _, cell in more]
             study_display.show(table)
+    if certificate.requirements:
+        study_display.show(_requirements(certificate.requirements))
     _say_changes(certificate)
     for kind in dict.fromkeys(accuracy.kind for accuracy in both):
         if kind in MEANINGS:
@@ -67,6 +71,11 @@ def _metrics(metrics: Mapping[str, Accuracy]) -> TextTable:
     units = {name: "" if isinstance(value, list) else metrics[name].unit for name, value in values.items()}
     rows = [[name, format_with_error(values[name], a.error), units[name], _order(a)] for name, a in metrics.items()]
     return TextTable("", ["metric", "value", "unit", "order"], rows)
+
+
+def _requirements(margins: Mapping[str, Accuracy]) -> TextTable:
+    rows = [[name, format_with_error(a.values[0], a.error), a.unit] for name, a in margins.items()]
+    return TextTable("", ["requirement", "margin", "unit"], rows)
 
 
 def _signals(signals: Mapping[str, Accuracy]) -> TextTable:

@@ -46,7 +46,8 @@ def certify(run: Run, outcome: Outcome, options: argparse.Namespace) -> Certific
         except KeyboardInterrupt as stopped:
             stopped.add_note(f"before the errors were known; the run itself is recorded in {run.output}")
             raise
-    outcome.accuracy = {name: accuracy.as_json() for name, accuracy in made.metrics.items()}
+    both = {**made.metrics, **made.requirements}
+    outcome.accuracy = {name: accuracy.as_json() for name, accuracy in both.items()}
     try:
         result_writer.add_accuracy(Path(str(run.output)), outcome.accuracy)
     except ResultError as full:

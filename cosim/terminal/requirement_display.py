@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from cosim.requirements.verdict import WORDS, Verdict
@@ -11,13 +12,20 @@ from cosim.results.formatting import format_change, format_value
 from cosim.results.text_table import TextTable
 from cosim.terminal.screen import figures_table
 
+NO_ERRORS: Mapping[str, float | None] = MappingProxyType({})
 
-def show(verdicts: Iterable[Verdict], previous: Judgements | None = None) -> None:
-    """Print a line for each requirement. previous: those of the run before, by name, to be compared with."""
+
+def show(
+    verdicts: Iterable[Verdict], previous: Judgements | None = None, errors: Mapping[str, float | None] = NO_ERRORS
+) -> None:
+    """Print a line for each requirement.
+
+    previous: those of the run before, by name, to be compared with. errors: by how much a margin may be off, by name.
+    """
     before = ["previous", "change"] if previous is not None else []
     rows = []
     for v in verdicts:
-        cells = [v.name, v.word, v.margin_text, v.unit]
+        cells = [v.name, v.word, v.margin_within(errors.get(v.name)), v.unit]
         if previous is not None:
             cells += _beside(v.as_json(), previous)
         rows.append([*cells, v.place])

@@ -370,7 +370,7 @@ def test_a_co_simulation_fmu_has_the_total_error_of_the_block_that_it_was(certif
 
 def test_there_has_to_be_a_figure(diagram):
     network = run.load(diagram("run: {stop: 1, step: 0.1}\nblocks: {w: {type: Wave}}\n"))
-    with pytest.raises(UsageError, match="no metric and records no signal"):
+    with pytest.raises(UsageError, match="no metric, no requirement and no recorded signal"):
         certificate.require_figures(network, signals=True)
 
 

@@ -190,7 +190,7 @@ def test_the_settings_of_the_command_line_reach_all_runs(cosim):
         (("--wanted", "-1"), "`-1` is no number above zero"),
         (("--wanted", "inf"), "`inf` is no number above zero"),
         (("--step", "0.03"), "`run.stop` of 2 s is not a whole number of steps"),
-        (("--set", "metrics=~", "--set", "record=~"), "has no metric and records no signal"),
+        (("--set", "metrics=~", "--set", "record=~"), "has no metric, no requirement and no recorded signal"),
     ],
 )
 def test_bad_input_is_exit_code_2(cosim, options, words):
@@ -200,7 +200,7 @@ def test_bad_input_is_exit_code_2(cosim, options, words):
 
 def test_errors_of_a_run_need_a_metric(cosim):
     code, _, err = cosim("run", DECAY, "--error", "--set", "metrics=~")
-    assert code == 2 and "has no metric, so there is no figure that may be wrong" in err
+    assert code == 2 and "has no metric and no requirement, so there is no figure that may be wrong" in err
     assert not Path("results").exists()
 
 

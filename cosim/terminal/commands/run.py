@@ -126,7 +126,8 @@ def _report(
         screen.metrics_table(outcome.metrics, metrics, outcome.units, outcome.windows, errors=errors)
     if outcome.requirements:
         print(end="\n" if outcome.metrics else "")
-        requirement_display.show(outcome.requirements.values(), judged)
+        margins = {name: accuracy.error for name, accuracy in certificate.requirements.items()} if certificate else {}
+        requirement_display.show(outcome.requirements.values(), judged, margins)
     if certificate:
         from cosim.terminal import accuracy_display
 
