@@ -18,7 +18,7 @@ from cosim.accuracy.refinement import (
     INTEGRATION,
     TOTAL,
     Refinement,
-    elsewhere,
+    beside,
     highest_order,
     sampled_by_the_step,
     steps_of_their_own,
@@ -105,14 +105,14 @@ def _tolerances(network: Network) -> Iterator[tuple[str, str]]:
 
 
 def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
-    """The certificate of a diagram, with all parts, by seven runs; by more, with larger steps, where errors are wanted.
+    """The certificate of a diagram, with all parts, by eight runs; by more, with larger steps, where errors are wanted.
 
     Raises: NoCertificate where a run with a smaller step does not come to its end; else as `RefinedRuns.observe`.
     """
     began, network = time.perf_counter(), runs.network
     why = why_not_parts(network)
     parts = set() if why else {*INTEGRATION, *COUPLING}
-    observed = runs.observe({*TOTAL, *parts, *elsewhere(network)})
+    observed = runs.observe({*TOTAL, *parts, *beside(network)})
     made = _begun(network, observed)
     made.warnings += observed[TOTAL[0]].unstable
     made.notes += [f"coupling and integration are not told apart: {why}"] if why else []
@@ -128,9 +128,9 @@ def certify(runs: RefinedRuns, wanted: Wanted | None = None) -> Certificate:
 
 
 def certify_run(done: Observation, runs: RefinedRuns) -> Certificate:
-    """The certificate of a run that is done, of its metrics alone, by three more. Raises: as `certify`."""
+    """The certificate of a run that is done, of its metrics alone, by four more. Raises: as `certify`."""
     began = time.perf_counter()
-    observed = {TOTAL[0]: done, **runs.observe({*TOTAL[1:], *elsewhere(runs.network)})}
+    observed = {TOTAL[0]: done, **runs.observe({*TOTAL[1:], *beside(runs.network)})}
     return _counted(_begun(runs.network, observed), observed, began)
 
 
@@ -183,6 +183,8 @@ def _left_out(refinement: Refinement, run: Observation) -> str:
     """What cannot be told without a run."""
     if refinement.lies_elsewhere:
         return f"steps that lie elsewhere are of no use: {_ending(run)}"
+    if refinement.early:
+        return f"what happens a little before a point that all steps have in common is not seen: {_ending(run)}"
     return f"coupling and integration are not told apart: in {refinement.inner} times the inner steps, {_ending(run)}"
 
 

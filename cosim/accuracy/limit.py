@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cosim.accuracy.refinement import EARLY
 from cosim.results.metrics import Array
 
 ORDER, UNSETTLED, NO_ORDER, ROUNDING = "order", "unsettled", "no order", "rounding"
@@ -30,10 +31,15 @@ NEAR = 0.25
 """How far an observed order may be from a whole number."""
 ALIKE = 0.5
 """Cosine of the angle between two differences of a course, from which they point the same way; of noise it is -0.5."""
+MOVED = 2.0
+"""How many times the difference between y(h) and y(h/4) a figure that has an order may seem to be moved by stops a
+little before common points: where errors cancel, what such a stop changes of one is more than their sum."""
 STRAYING = 0.1
 """What part of the difference between y(h) and y(h/4) a run whose steps lie elsewhere may stray from the order."""
 ROUNDINGS = 4.0
 """The rounding errors of n steps walk at random: they add up to this many times sqrt(n) units in the last place."""
+LATE = EARLY / 4
+"""How many times as late as one that stops early the finest of three runs may be for what is before a common point."""
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -107,17 +113,35 @@ def checked(found: Fall, strays: float, ends: float, noise: float, margin: float
     return Fall(NO_ORDER, None, max(2.0 * found.rest, margin * strays))
 
 
+def warned(found: Fall, moves: float, ends: float, noise: float) -> Fall:
+    """What remains of an order where stopping early, before what runs have in common, moves a figure so far.
+
+    What happens a little before a common point is as late in all runs, and in one that stops early almost on time. So
+    it may be off by as many times more as it may happen earlier. An order moves it too, by a part of its own error.
+
+    moves: the distance between the figures at h without and with such stops. ends: as of `checked`. noise: how large
+    rounding errors may be, of which short steps make more.
+    """
+    hidden = LATE * max(moves - noise, 0.0)
+    if found.kind == NO_ORDER or hidden <= MOVED * ends:
+        return found
+    return Fall(NO_ORDER, None, max(2.0 * found.rest, hidden))
+
+
 def limit(
     figures: Sequence[float],
     highest: int,
     noise: float,
     believed: bool = True,
     elsewhere: tuple[float, float] | None = None,
+    early: tuple[float, float] | None = None,
 ) -> Limit:
     """The limit of a figure at three steps, h, h/2 and h/4.
 
     noise: how large the figures' rounding errors may be. believed: whether there is reason to look for an order.
     elsewhere: another step, as a part of h, most points of which lie between those of h, and the figure there.
+    early: the figure at h of a run that stops a little before the points that all have in common, and how large
+    its rounding errors may be.
     """
     coarse, middle, fine = figures
     first, second = middle - coarse, fine - middle
@@ -126,6 +150,8 @@ def limit(
         ratio, figure = elsewhere
         expected = fine + share(found, ratio) * (coarse - fine)
         found = checked(found, abs(figure - expected), abs(coarse - fine), noise, margin=2.0)
+    if early:
+        found = warned(found, abs(early[0] - coarse), abs(coarse - fine), early[1])
     guess = fine + math.copysign(found.rest, second) if found.order else fine
     rest = (2.0 * found.rest if found.order else found.rest) + EPSILON * max(map(abs, figures))
     return Limit(guess, fine - rest, fine + rest, found.kind, found.order)
@@ -151,6 +177,11 @@ def falls(coarse: Array, middle: Array, fine: Array, noise: float) -> bool:
     first, second = first / sizes[0], second / sizes[1]
     alike = float(first @ second) >= ALIKE * math.sqrt(float(first @ first) * float(second @ second))
     return alike and sizes[0] >= 2.0**LEAST_ORDER * sizes[1]
+
+
+def most_noise(noise: float, steps: int) -> float:
+    """How large the rounding error of a figure may be that walks one way for so many steps; noise: at random."""
+    return noise * math.sqrt(steps)
 
 
 def noise(scale: float, steps: int) -> float:

@@ -30,6 +30,7 @@ class MetricJudge:
     def __init__(self, runs: Mapping[Refinement, Observation], highest: int, steps: int) -> None:
         self._runs, self._highest, self._steps = runs, highest, steps
         self._elsewhere = next((refinement for refinement in runs if refinement.lies_elsewhere), None)
+        self._early = next((refinement for refinement in runs if refinement.early), None)
 
     def judge(self, name: str, unit: str, doubted: str = "") -> Accuracy:
         """A metric's accuracy. doubted: why it has no order, where that is known."""
@@ -40,7 +41,7 @@ class MetricJudge:
             return self._counted(name, runs, unit)
         courses = [run.observed.course(name) for run in runs]
         believed = not doubted and limits.falls(courses[0], courses[1], courses[2], self._noise(name, rows))
-        found = self._limits(name, TOTAL, believed, self._elsewhere)
+        found = self._limits(name, TOTAL, believed, self._elsewhere, self._early)
         errors = tuple(_largest_error(found, row) for row in rows)
         kind, order = _worst(found)
         size = max(abs(float(rows[0, k])) for k in found)
@@ -51,21 +52,30 @@ class MetricJudge:
             accuracy.integration = self._part(name, INTEGRATION, believed)
         return accuracy
 
-    def _limits(self, name: str, triple: Triple, believed: bool, elsewhere: Refinement | None = None) -> Limits:
-        """The limit of each element of a metric that is a finite number; none where they are no numbers."""
+    def _limits(self, name: str, triple: Triple, believed: bool, *beside: Refinement | None) -> Limits:
+        """The limit of each element of a metric that is a finite number; none where they are no numbers.
+
+        beside: the run whose steps lie elsewhere, and the one that stops early.
+        """
         rows = _rows([self._runs[refinement].observed.smooth(name) for refinement in triple])
         if rows is None:
             return {}
-        beside = _rows([self._runs[elsewhere].observed.smooth(name)]) if elsewhere else None
-        known = beside is not None and beside.shape[1] == rows.shape[1]
-        noise = self._noise(name, rows)
+        ratio, noise = self._elsewhere.step(1.0) if self._elsewhere else 1.0, self._noise(name, rows)
+        most = limits.most_noise(noise, self._steps)
+        elsewhere, early = (self._known(name, refinement, rows.shape[1]) for refinement in beside or (None, None))
         found = {}
         for k, column in enumerate(rows.T.tolist()):
             if all(map(math.isfinite, column)):
-                other = float(beside[0, k]) if beside is not None and known else math.nan
-                at = (elsewhere.step(1.0), other) if elsewhere and math.isfinite(other) else None
-                found[k] = limits.limit(column, self._highest, noise, believed, at)
+                at = (ratio, elsewhere[k]) if k in elsewhere else None
+                cut = (early[k], most) if k in early else None
+                found[k] = limits.limit(column, self._highest, noise, believed, at, cut)
         return found
+
+    def _known(self, name: str, refinement: Refinement | None, size: int) -> dict[int, float]:
+        """The elements of a metric that are finite numbers in a run, of so many."""
+        row = _rows([self._runs[refinement].observed.smooth(name)]) if refinement else None
+        known = row is not None and row.shape[1] == size
+        return {k: x for k, x in enumerate(row[0].tolist()) if math.isfinite(x)} if row is not None and known else {}
 
     def _noise(self, name: str, rows: Array) -> float:
         """How large the rounding error of a metric may be: that of the largest numbers on its way."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cosim.accuracy.observed import Observed
-from cosim.accuracy.refinement import TOTAL, Refinement, settings
+from cosim.accuracy.refinement import TOTAL, Refinement, settings, stopping_early
 from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program
 from cosim.engine.outcome import Outcome
@@ -65,12 +65,12 @@ class RefinedRuns:
     def observe(self, refinements: Iterable[Refinement]) -> dict[Refinement, Observation]:
         """Run them, the longest first; how each ended is in its outcome.
 
-        FMUs and plain Python run one after another, as nobody vouches for their code. Steps that lie elsewhere and do
-        not fit the diagram are left out. Raises: DiagramErrors of others that do not, Interrupted, ResultError.
+        FMUs and plain Python run one after another, as nobody vouches for their code. What is extra and does not fit
+        the diagram is left out. Raises: DiagramErrors of others that do not, Interrupted, ResultError.
         """
         runs = {}
         for refinement in sorted(refinements, key=lambda refinement: -refinement.cost):
-            with suppress(DiagramErrors) if refinement.lies_elsewhere else nullcontext():
+            with suppress(DiagramErrors) if refinement.is_extra else nullcontext():
                 runs[refinement] = self._run(refinement)
         self._total += self.network.diagram.run.stop * sum(refinement.cost for refinement in runs)
         count = min(parallel.processors(), len(runs))
@@ -88,8 +88,9 @@ class RefinedRuns:
     def _run(self, refinement: Refinement) -> Run:
         changed = settings(self.network, refinement)
         network = self._network_of(changed) if changed else self.network
+        network = stopping_early(network, refinement.early) if refinement.early else network
         built = program.build(network, network.diagram.run.method)
-        name = f"{refinement.steps}-{refinement.inner}-{refinement.coarser}.nc"
+        name = f"{refinement.steps}-{refinement.inner}-{refinement.coarser}-{refinement.early}.nc"
         output = self._folder / name if self._folder else None
         run = Run(network, self._engine, output, prepared=(built, self._compiled(built)))
         run.reductions = Observed(network, refinement.steps)

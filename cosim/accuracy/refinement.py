@@ -3,16 +3,23 @@
 total         steps of h, h/2, h/4, with as many inner steps in each: all errors fall together
 integration   inner steps alone are halved: what blocks make of inputs that are held, or taken, as before
 coupling      the communication step alone is halved, inner steps are as small as in the finest of all runs
+
+All of these have points in common, so that they agree on what happens just before one. Two more tell:
+
+elsewhere     steps of 10/11 h have most points between those of the others, but meet them at round times
+early         steps of h are cut a little before each of these
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cosim.integrators import INTEGRATORS, KNOWN
 from cosim.language.keys import MOST_INNER_STEPS
 from cosim.language.reader import multiple
+from cosim.wiring import jumps
+from cosim.wiring.clocks import MOST_TICKS, Clock, exact
 from cosim.wiring.network import Component, Network
 
 
@@ -20,12 +27,14 @@ from cosim.wiring.network import Component, Network
 class Refinement:
     """A run that takes so many steps where the diagram's own takes one, each with so many times the inner steps.
 
-    coarser: or one step where the diagram takes so many.
+    coarser: or one step where the diagram takes so many. early: every how many steps it also stops a little before the
+    next point; 0 for never.
     """
 
     steps: int = 1
     inner: int = 1
     coarser: int = 1
+    early: int = 0
 
     @property
     def lies_elsewhere(self) -> bool:
@@ -35,7 +44,12 @@ class Refinement:
     @property
     def cost(self) -> float:
         """How many times as long as the diagram's own run it takes."""
-        return self.steps * self.inner / self.coarser
+        return self.steps * self.inner / self.coarser + (1.0 / self.early if self.early else 0.0)
+
+    @property
+    def is_extra(self) -> bool:
+        """Whether it is left out where it does not fit the diagram."""
+        return self.lies_elsewhere or self.early > 0
 
     def step(self, step: float) -> float:
         """The communication step (s) where that of the diagram is `step`."""
@@ -43,26 +57,49 @@ class Refinement:
 
 
 MOST_KEPT = 10
-"""How many steps there are from one common point to the next, if that is possible, see `elsewhere`."""
+"""How many steps there are from one common point to the next, if that is possible, see `beside`."""
+EARLY = 2**12
+"""Into how many parts a step is divided, of which the last begins where a run stops early."""
 Triple = tuple[Refinement, Refinement, Refinement]
 TOTAL: Triple = (Refinement(1), Refinement(2), Refinement(4))
 INTEGRATION: Triple = (Refinement(1, 1), Refinement(1, 2), Refinement(1, 4))
 COUPLING: Triple = (Refinement(1, 4), Refinement(2, 2), Refinement(4, 1))
 
 
-def elsewhere(network: Network) -> list[Refinement]:
-    """A run whose steps lie elsewhere; it has in common every tenth point, if it can, as times are round numbers.
+def beside(network: Network) -> list[Refinement]:
+    """The runs that tell what those with points in common do not, of those that there can be: elsewhere, early.
 
-    So an input that changes at 0.3 s does so at a point of its. It has also whatever the diagram names: the ends of
-    windows, and all periods. None if it would have no point of its own.
+    Nothing lies elsewhere that would have no point of its own. No run stops early where FMUs take steps of one size
+    only, or where inputs are extrapolated, which is another thing from two samples that are near each other.
+    """
+    kept = _kept(network)
+    found = [Refinement(steps=kept + 1, coarser=kept)] if kept > 1 else []
+    schedule, run = network.schedule, network.diagram.run
+    couplings = [coupling for component in network.components.values() for coupling in component.couplings.values()]
+    fits = run.stop * EARLY < MOST_TICKS * float(schedule.tick) and not any(coupling.order for coupling in couplings)
+    return [*found, Refinement(early=kept)] if fits and not network.rigid else found
+
+
+def _kept(network: Network) -> int:
+    """How many steps there are from one point that all runs have in common to the next.
+
+    Ten, if it can be, as times are round numbers, so that an input that changes at 0.3 s does so at such a point; so
+    are whatever times the diagram names: the ends of windows, and all periods.
     """
     run = network.diagram.run
     named = [float(e.settings["period"].value) for e in network.diagram.blocks.values() if "period" in e.settings]
     named += [bound for metric in network.diagram.metrics.values() for bound in (metric.start, metric.stop)]
     counts = [count for time in named if math.isfinite(time) and (count := multiple(time, run.step))]
     common = math.gcd(run.steps, *counts)
-    kept = max((count for count in range(2, MOST_KEPT + 1) if common % count == 0), default=common)
-    return [Refinement(steps=kept + 1, coarser=kept)] if kept > 1 else []
+    return max((count for count in range(2, MOST_KEPT + 1) if common % count == 0), default=common)
+
+
+def stopping_early(network: Network, every: int) -> Network:
+    """A network, made for this, whose master also stops a little before the end of every so many steps."""
+    step = exact(network.diagram.run.step)
+    changed = replace(network, stops=(Clock(every * step, every * step - step / EARLY),))
+    jumps.settle(changed)
+    return changed
 
 
 def settings(network: Network, refinement: Refinement) -> list[str]:

@@ -75,6 +75,7 @@ class SignalJudge:
     def __init__(self, runs: Mapping[Refinement, Observation], highest: int, steps: int) -> None:
         self._runs, self._highest, self._steps = runs, highest, steps
         self._elsewhere = next((refinement for refinement in runs if refinement.lies_elsewhere), None)
+        self._early = next((refinement for refinement in runs if refinement.early), None)
         self._files: dict[Refinement, Result] = {}
         self._stack = ExitStack()
         self._rest: dict[str, float] = {}
@@ -94,7 +95,7 @@ class SignalJudge:
         found = self._distances(name, TOTAL)
         if self._files[TOTAL[0]].signals[name].dtype.kind != "f":
             return self._counted(found.apart, unit)
-        fallen, errors = self._errors(name, found, doubted, self._elsewhere)
+        fallen, errors = self._errors(name, found, doubted, self._elsewhere, self._early)
         self._rest[name] = errors[-1]
         size = found.most - found.least if found.most > found.least else found.size
         accuracy = Accuracy(fallen.kind, fallen.order, unit, (), errors, size)
@@ -141,14 +142,27 @@ class SignalJudge:
             _largest(_distance(b + share * _distance(b, a), c)) for a, b, c in zip(here, fine, there, strict=True)
         )
 
+    def _moves(self, name: str, early: Refinement) -> float:
+        """How far stops a little before common points move a signal."""
+        pair = (_chunks(self._files[refinement], name, self._until) for refinement in (TOTAL[0], early))
+        return max(_largest(_distance(a, b)) for a, b in zip(*pair, strict=True))
+
     def _errors(
-        self, name: str, found: Distances, doubted: str, elsewhere: Refinement | None = None
+        self,
+        name: str,
+        found: Distances,
+        doubted: str,
+        elsewhere: Refinement | None = None,
+        early: Refinement | None = None,
     ) -> tuple[Fall, tuple[float, float, float]]:
         """How the differences fall, and by how much the signal may be off at the three steps."""
         noise = limits.noise(found.size, self._steps)
         fallen = found.fall(self._highest, noise, not doubted)
         if elsewhere:
             fallen = limits.checked(fallen, self._strays(name, fallen, elsewhere), found.ends, noise)
+        if early:
+            most = limits.most_noise(noise, self._steps)
+            fallen = limits.warned(fallen, self._moves(name, early), found.ends, most)
         rest = (2.0 * fallen.rest if fallen.order else fallen.rest) + EPSILON * found.size
         return fallen, (found.ends + rest, found.second + rest, rest)
 

@@ -128,7 +128,9 @@ class Layout(Allocation):
             words = [members, size, len(loop.torn), work, loops.bits(self.network, loop), derived]
             for signal in loop.torn:
                 place, numbers = self.places[signal], self.bytes_of(signal) // 8 // members
-                words += [place.offset, place.stride, numbers, clocks.get(signal, unknowns.NO_ROW)]
+                usual = self.network.variable(signal).nominal
+                nominal = int(np.float64(1.0 if usual is None else np.max(usual)).view(np.int64))
+                words += [place.offset, place.stride, numbers, clocks.get(signal, unknowns.NO_ROW), nominal]
             self._unknowns[loop] = self.constant(np.array(words, np.int64))
         return self._unknowns[loop]
 

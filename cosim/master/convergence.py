@@ -14,8 +14,10 @@ from cosim.master.linear import HUGE
 from cosim.master.unknowns import (
     ALLOWED,
     EQUATIONS,
+    FUZZ,
     HELD,
     MOVE,
+    NOMINAL,
     OTHER,
     ROUNDING,
     SIZE,
@@ -29,6 +31,8 @@ from cosim.master.unknowns import (
 )
 
 STRICT = 16.0  # rounding units: a residual over the unknown's size that is as good as none
+MOST_NOISE = 1e-12  # of the larger of an unknown and its nominal value, what of f may be noise
+LOUD = 64.0  # times the strictest residual: noise that is no rounding error of the unknown
 TOLERANCE = 1e-13  # up to which differences of one side are believed what is rounding
 # In square roots of the rounding unit:
 STEEPEST = 64.0  # of the largest unknown in a block: more than this is no rounding error
@@ -36,15 +40,22 @@ SAME = 4.0  # of a disturbance: what is left of it where an unknown comes back a
 
 
 def measure(base: int, u: Any) -> None:
-    """The size of each unknown, of z, f(z), or 1 where both are zero or no number; and the residual that it allows."""
+    """The size of each unknown, of z, f(z), or 1 where both are zero or no number; and the residual that it allows.
+
+    Where f has far more noise than such a size allows, differences are those of the nominal size.
+    """
     z, f, held = vector(base, u, Z), vector(base, u, F), vector(base, u, HELD)
     size, allowed = vector(base, u, SIZE), vector(base, u, ALLOWED)
     errors, other, strict = vector(base, u, ROUNDING), vector(base, u, OTHER), STRICT * unit(u)
+    fuzz, nominal = vector(base, u, FUZZ), vector(base, u, NOMINAL)
     for j in range(z.size):
         size[j] = max(abs(z[j]), abs(f[j])) if abs(f[j]) < HUGE else abs(z[j])
         if size[j] == 0.0 or held[j] != 0.0:
             size[j] = 1.0
         allowed[j] = max(strict * size[j], min(errors[j], TOLERANCE * size[j]), min(other[j], TOLERANCE * size[j]))
+        if fuzz[j] > LOUD * strict * size[j]:
+            size[j] = max(size[j], nominal[j])
+        allowed[j] = max(allowed[j], fuzz[j])
 
 
 def allow_rounding(base: int, u: Any) -> None:
@@ -66,6 +77,15 @@ def is_small(base: int, u: Any, times: float) -> bool:
     for j in range(r.size):
         small = small and abs(r[j]) <= times * allowed[j] and size[j] < HUGE
     return small
+
+
+def is_near(base: int, u: Any) -> bool:
+    """Whether all residuals are so small that noise may make a part of them."""
+    r, size, nominal = vector(base, u, R), vector(base, u, SIZE), vector(base, u, NOMINAL)
+    near, least = True, math.sqrt(unit(u))
+    for j in range(r.size):
+        near = near and abs(r[j]) <= least * max(size[j], nominal[j])
+    return near
 
 
 def worst_of(base: int, u: Any) -> tuple[float, int]:

@@ -15,6 +15,9 @@ a wrong one costs evaluations, but no figure. Where steps by derivatives have mi
 Of an f that is rounded, as what an FMU iterates inside may be, derivatives know better what nothing determines. As they
 may cost more than f, steps go on by the same ones as long as that is cheaper.
 
+An unknown may be far smaller than what f adds up inside, as in cos(y/2 + 1.5708), where no slope tells it. Where steps
+no longer help, what f gives near by tells what of it is noise: as much is allowed, up to a part of the nominal value.
+
 Equations of different members of a fleet that do not depend on each other are solved side by side. One source, two
 engines, as in `loop.py`.
 """
@@ -30,6 +33,7 @@ from cosim.master.convergence import (
     all_answer,
     allow_rounding,
     are_numbers,
+    is_near,
     is_small,
     measure,
     progress,
@@ -49,6 +53,7 @@ from cosim.master.jacobian import (
     zero_of,
 )
 from cosim.master.linear import HUGE
+from cosim.master.residuals import disturb, listen, place, residual, row_of
 from cosim.master.tables import (
     ALIVE,
     ALL_FIRST,
@@ -61,25 +66,21 @@ from cosim.master.tables import (
     NO_SAMPLED,
     NOTED,
     OK,
-    ROW_BYTES,
-    ROW_WORDS,
-    ROWS,
     TANGENT,
     UNSOLVED,
     WARNING,
-    A,
-    B,
     C,
-    evaluate,
 )
 from cosim.master.unknowns import (
     BLOCKS,
     DERIVED,
     EQUATIONS,
+    FUZZ,
     HELD,
     KEPT,
     MOVE,
     NO_ROW,
+    NOMINAL,
     OTHER,
     PIECE_CLOCK,
     PIECE_NUMBERS,
@@ -94,10 +95,12 @@ from cosim.master.unknowns import (
     piece,
     unit,
     unknowns,
+    usual_size,
     vector,
 )
 
 MOST_ITERATIONS = 50
+PATIENCE = 8  # so many steps are taken before f is listened to
 REST = 2.0**-16  # of an unknown that a step takes away: what differences make of a zero
 SMALLEST_PART = 2.0**-10  # of a step, that is tried where the whole leads astray
 AS_TOLD = 2.0**-4  # of a residual, what is left of it at most where a step leads to where derivatives said
@@ -124,8 +127,7 @@ def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
     first, difference, singular = row_of(c, o)[C] == ALL_FIRST, math.sqrt(unit(u)), DOUBT
     regular, heard, again, misses = False, False, False, 0 if u[DERIVED] != 0 else MOST_MISSES
     for iteration in range(MOST_ITERATIONS):
-        measure(base, u)
-        small = status <= WARNING and is_small(base, u, 1.0)
+        status, small = look(c, base, o, time, later, status, iteration)
         if small and iteration == 0 and not first:
             status = disturb(c, base, o, time, later)
             regular = all_answer(base, u)
@@ -135,7 +137,7 @@ def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
             status, again = fall_back(c, base, o, time, later), False
             continue
         along, side = misses < MOST_MISSES and not small, difference if iteration % 2 == 0 else -difference
-        again = again and along
+        again = again and along and iteration < PATIENCE
         if again:
             singular = find_again(base, u, singular)
         elif status <= WARNING:
@@ -159,6 +161,16 @@ def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
     return give_up(c, base, o, *worst_of(base, u))
 
 
+def look(c: Any, base: int, o: int, time: float, later: float, status: int, iteration: int) -> tuple[int, bool]:
+    """Whether residuals are small; where steps no longer help, beside the noise of f. Returns the status first."""
+    u = unknowns(place(c, base, o))
+    measure(base, u)
+    if status <= WARNING and iteration >= PATIENCE and is_near(base, u) and not is_small(base, u, 1.0):
+        status = listen(c, base, o, time, later, 8.0 ** (iteration - PATIENCE))
+        measure(base, u)
+    return status, status <= WARNING and is_small(base, u, 1.0)
+
+
 def missed(before: float, left: float, unit: float) -> int:
     """How much a step by derivatives misses what they said, by what it has left of a residual."""
     if left <= FLOOR * unit:
@@ -180,20 +192,20 @@ def begin(c: Any, base: int, o: int) -> None:
     """Guess what is published, or 0 where that is no number; of rounding errors nothing is known yet."""
     u = unknowns(place(c, base, o))
     z, held = vector(base, u, Z), vector(base, u, HELD)
-    rounding, other = vector(base, u, ROUNDING), vector(base, u, OTHER)
+    rounding, other, fuzz = vector(base, u, ROUNDING), vector(base, u, OTHER), vector(base, u, FUZZ)
     exchange(base, place(c, base, o), z, False)
     note_held(c, base, o)
     for j in range(z.size):
-        rounding[j] = other[j] = 0.0
+        rounding[j] = other[j] = fuzz[j] = 0.0
         if held[j] == 0.0 and not abs(z[j]) < HUGE:
             z[j] = 0.0
 
 
 def note_held(c: Any, base: int, o: int) -> None:
-    """Note which unknowns nothing computes now, as what sampled blocks gave holds between two samples."""
+    """Note which unknowns nothing computes now, as what sampled blocks gave holds between two samples; usual sizes."""
     at, due = place(c, base, o), row_of(c, o)[C]
     u = unknowns(at)
-    held, clocks = vector(base, u, HELD), base + c[CLOCKS] - CLOCK_WORDS * 8
+    held, nominal, clocks = vector(base, u, HELD), vector(base, u, NOMINAL), base + c[CLOCKS] - CLOCK_WORDS * 8
     j = 0
     for _ in range(u[BLOCKS]):
         for p in range(u[PIECES]):
@@ -204,6 +216,7 @@ def note_held(c: Any, base: int, o: int) -> None:
                 holds = due == NO_SAMPLED or words_at(clocks + clock * CLOCK_WORDS * 8, CLOCK_WORDS)[DUE] == 0
             for _ in range(own[PIECE_NUMBERS]):
                 held[j] = 1.0 if holds else 0.0
+                nominal[j] = usual_size(at, p)
                 j += 1
 
 
@@ -344,46 +357,3 @@ def take(base: int, u: Any, status: int) -> int:
     for j in range(f.size):
         f[j] = trial[j]
     return status
-
-
-# ---- f ----
-
-
-def row_of(c: Any, o: int) -> Any:
-    """The row that solves a loop."""
-    return words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
-
-
-def place(c: Any, base: int, o: int) -> int:
-    """The address of what row o says of the unknowns."""
-    at: int = base + row_of(c, o)[A]
-    return at
-
-
-def residual(c: Any, base: int, o: int, time: float, later: float, to: int, over: int) -> int:
-    """f(z) and f(z) - z, to two vectors; the unknowns are then f(z). Returns the status."""
-    u = unknowns(place(c, base, o))
-    z, f, r, held = vector(base, u, Z), vector(base, u, to), vector(base, u, over), vector(base, u, HELD)
-    c[ALIVE] += 1
-    exchange(base, place(c, base, o), z, True)
-    status = evaluate(c, base, o + 1, o + 1 + row_of(c, o)[B], time, later)
-    exchange(base, place(c, base, o), f, False)
-    for j in range(z.size):
-        r[j] = f[j] - z[j] if held[j] == 0.0 else 0.0
-    return status
-
-
-def disturb(c: Any, base: int, o: int, time: float, later: float) -> int:
-    """f near z, in TRIAL, each unknown moved by its own part, in MOVE; then f at z again. Returns the status."""
-    u = unknowns(place(c, base, o))
-    z, kept, step = vector(base, u, Z), vector(base, u, KEPT), vector(base, u, MOVE)
-    size, held = vector(base, u, SIZE), vector(base, u, HELD)
-    for j in range(z.size):
-        kept[j] = z[j]
-        if held[j] == 0.0:
-            z[j] += math.sqrt(unit(u)) * (1.0 + 0.125 * (j % 7)) * size[j]
-        step[j] = z[j] - kept[j]
-    status = residual(c, base, o, time, later, TRIAL, R)
-    for j in range(z.size):
-        z[j] = kept[j]
-    return residual(c, base, o, time, later, F, R) if status <= WARNING else status

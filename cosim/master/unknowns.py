@@ -15,19 +15,19 @@ from cosim.machine.memory import reals_at, words_at
 UNKNOWNS_WORDS = 6
 BLOCKS, EQUATIONS, PIECES, WORK, BITS, DERIVED = range(UNKNOWNS_WORDS)
 
-# A piece: its offset, bytes from one block to the next, numbers in a block, and by which clock they are computed (from
-# 1; 0: always), or that no row of the loop does so.
-PIECE_WORDS = 4
-PIECE_OFFSET, PIECE_STRIDE, PIECE_NUMBERS, PIECE_CLOCK = range(PIECE_WORDS)
+# A piece: its offset, bytes from one block to the next, numbers in a block, by which clock they are computed (from
+# 1; 0: always), or that no row of the loop does so; and, a real number, how large they usually are.
+PIECE_WORDS = 5
+PIECE_OFFSET, PIECE_STRIDE, PIECE_NUMBERS, PIECE_CLOCK, PIECE_NOMINAL = range(PIECE_WORDS)
 NO_ROW = -1
 
 # The work space: vectors over all unknowns, and behind them a matrix for each block. The guess z, f(z), f(z) - z, a
 # step; z before it, f at a trial; sizes; what f adds up; its rounding errors as differences say, and as those of the
 # other side said; the residual that is allowed; 1 where nothing computes the unknown now, else 0; what rows and columns
-# of a matrix are divided by, and which rows change places.
-UNKNOWNS_VECTORS = 16
+# of a matrix are divided by, and which rows change places; how large unknowns usually are, and what of f is noise.
+UNKNOWNS_VECTORS = 18
 Z, F, R, MOVE, KEPT, TRIAL, SIZE, WEIGHT, ROUNDING, OTHER, ALLOWED, HELD = range(12)
-DIVISORS, ROW_DIVISORS, LARGEST, PIVOTS = range(12, UNKNOWNS_VECTORS)
+DIVISORS, ROW_DIVISORS, LARGEST, PIVOTS, NOMINAL, FUZZ = range(12, UNKNOWNS_VECTORS)
 
 
 def unknowns(at: int) -> Any:
@@ -38,6 +38,12 @@ def unknowns(at: int) -> Any:
 def piece(at: int, p: int) -> Any:
     """A piece of memory in which some of the unknowns lie."""
     return words_at(at + (UNKNOWNS_WORDS + p * PIECE_WORDS) * 8, PIECE_WORDS)
+
+
+def usual_size(at: int, p: int) -> float:
+    """How large the numbers of a piece usually are."""
+    size: float = reals_at(at + (UNKNOWNS_WORDS + p * PIECE_WORDS) * 8, PIECE_WORDS)[PIECE_NOMINAL]
+    return size
 
 
 def unit(u: Any) -> float:

@@ -232,6 +232,7 @@ class Network:
 
     recorded: what is written to the result; reduced: the signal of each metric, by the metric's name.
     initial, evaluation: the order of what is done at time zero, and at every communication point; see `order`.
+    stops: when the master stops besides, where nothing is due.
     """
 
     diagram: Diagram
@@ -242,13 +243,15 @@ class Network:
     reduced: dict[str, Signal] = field(default_factory=dict)
     initial: tuple[Task | Loop, ...] = ()
     evaluation: tuple[Task | Loop, ...] = ()
+    stops: tuple[Clock, ...] = ()
 
     @cached_property
     def schedule(self) -> Schedule:
         """When the master stops."""
         run, several = self.diagram.run, self.components.values()
         couplings = [coupling for component in several for coupling in component.couplings.values()]
-        clocks = [*(component.clock for component in several), *(jump for c in couplings for jump in c.jumps)]
+        jumps = [jump for coupling in couplings for jump in coupling.jumps]
+        clocks = [*(component.clock for component in several), *jumps, *self.stops]
         return schedule(run.step, clocks, self.smallest_step)
 
     @property

@@ -15,7 +15,7 @@ from cosim.accuracy import certificate
 from cosim.accuracy.accuracies import AGREES, CHANGES
 from cosim.accuracy.certificate import Certificate
 from cosim.accuracy.limit import NO_ORDER, ORDER, ROUNDING, UNSETTLED
-from cosim.accuracy.refinement import TOTAL, Refinement, elsewhere, settings
+from cosim.accuracy.refinement import TOTAL, Refinement, beside, settings
 from cosim.engine import compilation, run
 from cosim.errors import NoCertificate, UsageError
 from cosim.export.exporter import export_fmu
@@ -235,7 +235,32 @@ def test_noise_that_is_a_function_of_time_is_not_taken_for_an_order_by_chance(ce
     metrics: {x: {signal: a.x, reduce: final}}
     """
     made = certified(text, f"blocks.s.parameters.seed={seed}")
-    assert made.runs == 6 and made.metrics["x"].kind == NO_ORDER
+    assert made.runs == 7 and made.metrics["x"].kind == NO_ORDER
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4"])
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
+@pytest.mark.parametrize("early", [0.0005, 0.004, 0.009])
+def test_a_switch_just_before_a_point_that_all_steps_have_in_common_is_seen(certified, early, method, integrator):
+    """At 1.2 s less 0.5, 4 or 9 ms, where steps of 40, 20, 10 and 36.4 ms meet: all see it there, and all are wrong."""
+    time = 1.2 - early
+    text = text_of(SWITCHED.format(time), "a.x", 0.04, method, integrator, "record: {signals: [a.x]}")
+    made = certified(text)
+    truth = 1.0 + 2.0 * time - STOP
+    for final in (made.metrics["final"], made.signals["a.x"]):
+        assert final.error >= abs(made.metrics["final"].values[0] - truth)
+
+
+def test_a_switch_at_a_point_that_all_steps_have_in_common_costs_no_certainty(certified):
+    final = certified(text_of(SWITCHED.format(1.2), "a.x", 0.04)).metrics["final"]
+    assert final.kind == ROUNDING and final.error < 1e-12
+
+
+def test_no_run_stops_early_where_inputs_are_extrapolated(diagram):
+    """An extrapolation through two samples 25 us apart is another one than through two that are a step apart."""
+    text = text_of(*PROBLEMS["two masses"][:2], 0.1, integrator="rk4")
+    found = [beside(run.load(diagram(text), [f"run.extrapolation={order}"])) for order in (0, 1)]
+    assert [[refinement.early for refinement in several] for several in found] == [[0, 10], [0]]
 
 
 @pytest.mark.parametrize("step", [0.05, 0.04, 0.025, 0.02, 0.0125])
@@ -393,8 +418,8 @@ def test_watch_hears_of_all_work(refined, diagram):
     runs = refined(diagram(text_of(*PROBLEMS["decay"][:2], 0.1)))
     runs._watch = lambda done, total: heard.append((done, total))
     made: Certificate = certificate.certify(runs)
-    assert (made.runs, made.cost) == (7, pytest.approx(18.1))
-    assert heard[-1][0] == pytest.approx(heard[-1][1]) and heard[-1][1] == pytest.approx(18.1 * STOP)
+    assert (made.runs, made.cost) == (8, pytest.approx(19.2))
+    assert heard[-1][0] == pytest.approx(heard[-1][1]) and heard[-1][1] == pytest.approx(19.2 * STOP)
 
 
 def test_a_refinement_changes_steps_and_keeps_times(diagram):
@@ -413,23 +438,24 @@ def test_a_refinement_changes_steps_and_keeps_times(diagram):
         assert other.diagram.run.step == step and other.diagram.record.period == 0.01
         assert (float(other.components["n"].clock.period), other.diagram.metrics["x"].start) == (0.05, 0.3)
         assert (other.diagram.run.inner_steps, other.components["a"].integration.inner_steps) == inner
-    [beside] = elsewhere(network)
-    other = run.load(path, settings(network, beside))
+    elsewhere, early = beside(network)
+    assert early == Refinement(early=5)
+    other = run.load(path, settings(network, elsewhere))
     # 5 steps to a period: six of the other run's.
     assert other.diagram.run.step == pytest.approx(0.01 * 5 / 6) and other.components["n"].clock.period == Fraction(
         1, 20
     )
     assert settings(network, TOTAL[0]) == []
-    assert elsewhere(run.load(path, ["blocks.n.period=0.01"])) == []
+    assert beside(run.load(path, ["blocks.n.period=0.01"])) == [Refinement(early=1)]
     text = "run: {stop: 1.3, step: 0.1}\nblocks: {w: {type: Wave}}\n"
-    assert elsewhere(run.load(diagram(text))) == [Refinement(14, 1, 13)]
+    assert beside(run.load(diagram(text))) == [Refinement(14, 1, 13), Refinement(early=13)]
 
 
 def test_one_step_is_certified_too(certified):
     made = certified(text_of(*PROBLEMS["decay"][:2], STOP, "joint", "rk4", "record: {signals: [a.x]}"))
     truth = math.exp(-STOP)
     final = made.metrics["final"]
-    assert made.runs == 6 and final.error >= abs(final.values[0] - truth)
+    assert made.runs == 7 and final.error >= abs(final.values[0] - truth)
 
 
 def test_arrays_have_the_error_of_their_worst_element(certified):
@@ -460,7 +486,7 @@ def test_a_window_that_steps_elsewhere_do_not_meet_is_judged_without_them(certif
 
 def test_steps_that_have_no_point_of_their_own_are_said_to_miss_the_same(certified):
     made = certified(NOISE, "blocks.n.period=0.01")
-    assert made.metrics["lag"].kind == ORDER and made.runs == 6
+    assert made.metrics["lag"].kind == ORDER and made.runs == 7
     assert any(note.startswith("all steps have their points in common") for note in made.notes)
 
 

@@ -92,7 +92,7 @@ def test_the_tables_say_error_order_and_parts(cosim):
     assert float(order) == pytest.approx(1, abs=0.1) and coupling == "rounding"
     assert float(integration) == pytest.approx(0.98**100 - math.exp(-2), rel=0.05)
     assert found["when"][-1] == "agrees"
-    assert "steps of 20 ms, 10 ms, 5 ms (jacobi; 7 runs, 18.1 times the work of one, " in out
+    assert "steps of 20 ms, 10 ms, 5 ms (jacobi; 8 runs, 19.2 times the work of one, " in out
 
 
 def test_the_tables_fit_into_80_columns(cosim, monkeypatch, formation):
@@ -147,7 +147,7 @@ def test_a_run_prints_its_metrics_with_their_errors_and_notes_them_in_its_result
     code, out, err = cosim("run", DECAY, "--error")
     assert (code, err) == (0, "")
     assert (
-        rows(out)["last"][1] == "±" and "steps of 20 ms, 10 ms, 5 ms (jacobi; 4 runs, 8.1 times the work of one" in out
+        rows(out)["last"][1] == "±" and "steps of 20 ms, 10 ms, 5 ms (jacobi; 5 runs, 9.2 times the work of one" in out
     )
     kept = result_file.open_result("results/diagram.nc").attrs
     code, out, _ = cosim("run", DECAY, "--error", "--json")

@@ -24,11 +24,11 @@ from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.exits import DONE, UNCERTAIN
 from cosim.wiring.network import Network
 
-TELLS = """Runs the diagram with its own step, half and a quarter of it, with steps that lie elsewhere, and with more
-inner steps: seven runs, which take 18 times as long as one. `value ± error`: by how much a figure may be off at the
-diagram's step; `order`: how its error falls with the step; `coupling` and `integration`: what the communication step
-and the blocks' own integration contribute. Exit codes: 1 where a figure depends on the step, or no error can be told;
-else as of `cosim --help`."""
+TELLS = """Runs the diagram with its own step, half and a quarter of it, with steps that lie elsewhere, with some
+that are cut, and with more inner steps: eight runs, which take 19 times as long as one. `value ± error`: by how much a
+figure may be off at the diagram's step; `order`: how its error falls with the step; `coupling` and `integration`: what
+the communication step and the blocks' own integration contribute. Exit codes: 1 where a figure depends on the step, or
+no error can be told; else as of `cosim --help`."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,64 @@
+"""Algebraic loops whose unknown is far smaller than what is added up inside a block, where no slope shows its rounding.
+
+With constants that make the solution known, the error is that of the block's arithmetic over |1 - f'|, of which sixteen
+standard deviations are allowed; and what has no solution is none of this, however small its residual.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from cosim.engine import program, run
+from cosim.engine.simulation import Simulation
+from cosim.errors import BlockFailed
+from cosim.wiring.network import Signal
+
+EPSILON = 2.0**-52
+
+
+@pytest.fixture
+def solved(tmp_path):
+    """The y that is f(y), of a block beside one that hands on. Raises: BlockFailed."""
+
+    def solve(text: str) -> float:
+        (tmp_path / "d.yaml").write_text(
+            f"""
+run: {{stop: 0.1, step: 0.1}}
+blocks:
+  f: {{expression: "{text}", inputs: {{u: same.y}}}}
+  same: {{expression: "u", inputs: {{u: f.y}}}}
+"""
+        )
+        built = program.build(run.load(tmp_path / "d.yaml"), "jacobi")
+        one = Simulation(built, None, [])
+        one.initialize()
+        return float(built.signal(Signal("f", "y"), one.arena))
+
+    return solve
+
+
+@pytest.mark.parametrize("y", [0.0, 1e-12, -1.9e-8, 1.4e-4])
+@pytest.mark.parametrize("slope", [-2.98, -0.5, 0.457, 0.88, 4.1])
+@pytest.mark.parametrize("size", [1.0, 10.0])
+def test_the_difference_of_large_numbers(solved, y, slope, size):
+    constant = size + (1.0 - slope) * y  # rounded, as the sum inside is
+    found = solved(f"({slope!r}*u + {constant!r}) - {size!r}")
+    assert found == pytest.approx(y, rel=1e-12, abs=16.0 * EPSILON * size / abs(1.0 - slope))
+
+
+@pytest.mark.parametrize("y", [0.0, 1e-12, -1.9e-8, 8e-5])
+@pytest.mark.parametrize("slope", [-2.98, -0.5, 0.457, 0.88, 4.1])
+def test_a_cosine_near_its_zero(solved, y, slope):
+    """y = cos(a y + b) with b = acos(y) - a y, a number near pi/2, of which half a unit in the last place is 1e-16."""
+    a = -slope / math.sqrt(1.0 - y * y)
+    found = solved(f"cos({a!r}*u + {math.acos(y) - a * y!r})")
+    assert found == pytest.approx(y, rel=1e-12, abs=16.0 * EPSILON / abs(1.0 - slope))
+
+
+@pytest.mark.parametrize("text", ["u + 1e12*u*u + 1e-14", "u + 1e-14*exp(u)"])
+def test_a_small_residual_is_no_solution(solved, text):
+    """f(y) - y is 1e-14 at least, and smooth."""
+    with pytest.raises(BlockFailed, match=r"no solution was found|undetermined"):
+        solved(text)
