@@ -31,7 +31,6 @@ from cosim.master.unknowns import (
 )
 
 STRICT = 16.0  # rounding units: a residual over the unknown's size that is as good as none
-MOST_NOISE = 1e-12  # of the larger of an unknown and its nominal value, what of f may be noise
 LOUD = 64.0  # times the strictest residual: noise that is no rounding error of the unknown
 TOLERANCE = 1e-13  # up to which differences of one side are believed what is rounding
 # In square roots of the rounding unit:

@@ -9,7 +9,6 @@ import math
 from typing import Any
 
 from cosim.machine.memory import words_at
-from cosim.master.convergence import MOST_NOISE
 from cosim.master.tables import ALIVE, ROW_BYTES, ROW_WORDS, ROWS, WARNING, A, B, evaluate
 from cosim.master.unknowns import (
     ALLOWED,
@@ -37,6 +36,7 @@ POINTS = 9  # on either side, at which f is listened to
 APART = 1.375  # residuals between two of these at least
 WIDEST = 2.0**-14  # of an unknown, or else a residual, at most: f is taken for a cubic there
 FOURTH = math.sqrt(70.0)  # of noise alone, differences of fourth order over its standard deviation
+MOST_NOISE = 1e-12  # of the larger of an unknown and its nominal value, what of f may be noise
 LOUDEST = 16.0  # standard deviations of noise: what a residual may be
 
 
