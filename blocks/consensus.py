@@ -28,3 +28,16 @@ def local_errors(
             for q in range(delta_x.shape[1]):
                 e_x[i, q] += weights[i, k] * (delta_x[i, q] - delta_x[j, q])
                 e_v[i, q] += weights[i, k] * (delta_v[i, q] - delta_v[j, q])
+
+
+def local_error(delta: NDArray, neighbours: NDArray, weights: NDArray, b: NDArray, e: NDArray) -> None:
+    """The same of one kind of error alone; delta, e: (robots, n)."""
+    for i in range(delta.shape[0]):
+        for q in range(delta.shape[1]):
+            e[i, q] = b[i] * delta[i, q]
+        for k in range(neighbours.shape[1]):
+            j = neighbours[i, k]
+            if j < 0:
+                break
+            for q in range(delta.shape[1]):
+                e[i, q] += weights[i, k] * (delta[i, q] - delta[j, q])
