@@ -12,7 +12,7 @@ from cosim.blocks.vectors import dot
 
 
 class ControlBarrierFilter(Block):
-    """A safety filter by exponential control barrier functions, between a controller and the robots, for each by itself.
+    """Safety filter by exponential control barrier functions, between a controller and the robots.
 
     ::
 
@@ -24,11 +24,12 @@ class ControlBarrierFilter(Block):
         a: the planar acceleration of at most `limit` that is nearest to a_0 and for each neighbour j has
         z^T a >= -(||nu||^2 + (p_1 + p_2) z^T nu + p_1 p_2 h / 2) / 2,    z = x_i - x_j,   nu = v_hat_i - v_hat_j
 
-    The barrier is h = ||z||^2 - (epsilon_1 (R_i + R_j))^2; with both robots' conditions, d^2h/dt^2 + (p_1 + p_2) dh/dt +
-    p_1 p_2 h >= 0: h stays above zero where it and dh/dt + p_1 h begin there. The quadratic program has two unknowns and
-    is solved exactly, see `half_planes`; where nothing keeps all conditions, what misses them least is taken, and
-    `violation` is by how much. Nguyen and Sreenath, Exponential control barrier functions, American Control Conference
-    (2016) 322–328; for each robot by itself: Wang, Ames and Egerstedt, IEEE Transactions on Robotics 33 (2017) 661–674.
+    The barrier is h = ||z||^2 - (epsilon_1 (R_i + R_j))^2. Each robot does its half; with both, d^2h/dt^2 + (p_1 + p_2)
+    dh/dt + p_1 p_2 h >= 0: h stays above zero where it and dh/dt + p_1 h begin there. The quadratic program has two
+    unknowns and is solved exactly, see `half_planes`; where nothing keeps all conditions, what misses them least is
+    taken, and `violation` is by how much. Nguyen and Sreenath, Exponential control barrier functions, American Control
+    Conference (2016) 322–328; for each robot by itself: Wang, Ames and Egerstedt, IEEE Transactions on Robotics 33
+    (2017) 661–674.
     """
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
@@ -43,8 +44,10 @@ class ControlBarrierFilter(Block):
     p_1 = Parameter(unit="1/s", default=4.0, description="rate at which the barrier may be approached")
     p_2 = Parameter(unit="1/s", default=8.0, description="rate at which that rate may be reached")
     limit = Parameter(unit="m/s2", default=math.inf, description="largest planar acceleration")
-    normals = Local("capacity", 2, unit="1", description="work space: directions of the conditions")
-    offsets = Local("capacity", description="work space: what the acceleration has to be in these directions")
+    normals = Local("capacity", 2, unit="1", finite=False, description="work space: directions of the conditions")
+    offsets = Local(
+        "capacity", finite=False, description="work space: what the acceleration has to be in these directions"
+    )
     u_safe = Output("robots", "n", description="control inputs")
     violation = Output("robots", unit="m/s2", description="by how much the nearest condition is missed")
     infeasible = Output(

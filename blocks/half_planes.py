@@ -1,7 +1,7 @@
 """The nearest point of the plane that some half-planes admit, or the one that violates them least.
 
-The half-planes are normals_k · p >= offsets_k - slack, with normals of length 1, in a disc of some radius about 0. One after
-the other they are added: where the point so far lies outside, the new one lies on the border (de Berg and others,
+The half-planes are normals_k · p >= offsets_k - slack, with normals of length 1, in a disc of some radius about 0. They
+are added one after the other: where the point so far lies outside, the new one lies on the border (de Berg and others,
 Computational Geometry, section 4.4; the objective, a distance, is strictly convex, so that nothing is degenerate).
 """
 

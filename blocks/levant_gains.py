@@ -9,9 +9,9 @@ RECURSIVE = (1.1, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 12.0)
 
 
 def write_gains(lipschitz: float, gains: NDArray) -> None:
-    """Gains k_0 … k_n of the form that is not recursive, z_i' = -k_i |e|^((n-i)/(n+1)) sgn(e) + z_(i+1); gains: (n + 1).
+    """Gains k_0 … k_n of the form that is not recursive, dz_i/dt = -k_i |e|^((n-i)/(n+1)) sgn(e) + z_(i+1).
 
-    lipschitz: of the n-th derivative. With m_n = lambda_n and m_i = lambda_i m_(i+1)^(i/(i+1)), k_i is
+    gains: (n + 1); lipschitz: of the n-th derivative. With m_n = lambda_n and m_i = lambda_i m_(i+1)^(i/(i+1)), k_i is
     m_(n-i) lipschitz^((i+1)/(n+1)).
     """
     n = gains.size - 1

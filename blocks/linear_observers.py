@@ -85,7 +85,7 @@ class LuenbergerObserver(Block):
 
 
 class HighGainObserver(Block):
-    """The high-gain observer of a chain of integrators; what corrects its last state is its estimate of the uncertainty.
+    """High-gain observer of a chain of integrators; its estimate of the uncertainty is what corrects its last state.
 
     ::
 
@@ -93,9 +93,9 @@ class HighGainObserver(Block):
         u ──►│ observer │──► v_hat = z_2     dz_n/dt = w_hat + g u
         g ──►└──────────┘──► w_hat           w_hat = alpha_n / epsilon^n e
 
-    The roots of s^n + alpha_1 s^(n-1) + … + alpha_n have to lie left of 0. Errors shrink with epsilon; noise grows, and so
-    does the peak at the start. Khalil and Praly, High-gain observers in nonlinear feedback control, Int. J. Robust and
-    Nonlinear Control 24 (2014) 993–1015. At the start z_1 = x(0), the others are 0.
+    The roots of s^n + alpha_1 s^(n-1) + … + alpha_n have to lie left of 0. Errors shrink with epsilon; noise grows, and
+    so does the peak at the start. Khalil and Praly, High-gain observers in nonlinear feedback control, Int. J. Robust
+    and Nonlinear Control 24 (2014) 993–1015. At the start z_1 = x(0), the others are 0.
     """
 
     x = Input("n", description="measured position")
@@ -200,10 +200,10 @@ class KalmanObserver(Block):
         u ──►│ observer │──► v_hat = z_2     dz_n/dt = w_hat + g u + l_n e
         g ──►└──────────┘──► w_hat           dw_hat/dt = l_(n+1) e
 
-        dw/dt = noise of the density q,   x is measured with noise of the density r
+        dw/dt = noise of the density Q,   x is measured with noise of the density R
 
     Its Riccati equation has a closed form: s^(n+1) + l_1 s^n + … is Butterworth's polynomial of the bandwidth
-    (q/r)^(1/(2n+2)). Noise that is sampled every h seconds with the deviation d has the density d^2 h. Kalman and Bucy,
+    (Q/R)^(1/(2n+2)). Noise that is sampled every h seconds with the deviation d has the density d^2 h. Kalman and Bucy,
     New results in linear filtering and prediction theory, Journal of Basic Engineering 83 (1961) 95–108. At the start
     z_1 = x(0), the others are 0. For sampled linear systems in general there is `KalmanFilter`.
     """
@@ -213,8 +213,8 @@ class KalmanObserver(Block):
     x = Input("n", description="measured position")
     u = Input("n", description="control input")
     g = Input("n", "n", description="known control gain")
-    q = Parameter(default=1.0, description="density of the noise that drives the uncertainty")
-    r = Parameter(default=1e-9, description="density of the noise of the measurement")
+    Q = Parameter(default=1.0, description="density of the noise that drives the uncertainty")
+    R = Parameter(default=1e-9, description="density of the noise of the measurement")
     gains = CalculatedParameter("layers", description="l_1 … l_(n+1)")
     layers = Dimension(of="order", less=-1)
     z = State("order", "n", output=True, description="estimates of x and its derivatives")
@@ -223,19 +223,19 @@ class KalmanObserver(Block):
     x_hat = Output("n", description="estimate of the position")
     v_hat = Output("n", description="estimate of the velocity")
 
-    positive = rule("q > 0 and r > 0")(lambda q, r: q > 0.0 and r > 0.0)
+    positive = rule("Q > 0 and R > 0")(lambda Q, R: Q > 0.0 and R > 0.0)
 
-    def calculate(q, r, gains):
+    def calculate(Q, R, gains):
         half = math.pi / (2.0 * gains.size)
-        bandwidth = math.pow(q / r, 0.5 / gains.size)
+        bandwidth = math.pow(Q / R, 0.5 / gains.size)
         product = 1.0
         for k in range(gains.size):
             product *= bandwidth * math.cos(k * half) / math.sin((k + 1.0) * half)
             gains[k] = product
 
     def start(x, z):
-        for i in range(x.size):
-            z[0, i] = x[i]
+        for q in range(x.size):
+            z[0, q] = x[q]
 
     def outputs_error(x, z, e):
         for q in range(x.size):
@@ -246,5 +246,5 @@ class KalmanObserver(Block):
 
     def derivatives(u, g, z, w_hat, e, gains, d_z, d_w_hat):
         follow_chain(u, g, z, w_hat, e, gains, d_z)
-        for i in range(e.size):
-            d_w_hat[i] = gains[gains.size - 1] * e[i]
+        for q in range(e.size):
+            d_w_hat[q] = gains[gains.size - 1] * e[q]

@@ -26,8 +26,8 @@ class NonlinearExtendedStateObserver(Block):
 
         fal(e, a, delta) = sgn(e) |e|^a     for |e| > delta,    e / delta^(1-a)   else
 
-    Han, From PID to active disturbance rejection control, IEEE Transactions on Industrial Electronics 56 (2009) 900–906.
-    At the start z_1 = x(0), the others are 0.
+    Han, From PID to active disturbance rejection control, IEEE Transactions on Industrial Electronics 56 (2009)
+    900–906. At the start z_1 = x(0), the others are 0.
     """
 
     order = Dimension(of="layers", less=1, description="how many integrators lie between g u + w and x")

@@ -16,10 +16,10 @@ class SuperTwistingObserver(Block):
         u ──►│ observer │──► v_hat     d v_hat/dt = g u + alpha sgn(e)
         g ──►└──────────┘──► w_hat     d w_hat/dt = (alpha sgn(e) - w_hat) / T
 
-    Exact after a finite time, apart from the filter, where alpha > |w| and lambda is large enough: 1.1 times a bound of
-    |w|, and 1.5 times its square root. Davila, Fridman and Levant, Second-order sliding-mode observer for mechanical
-    systems, IEEE Transactions on Automatic Control 50 (2005) 1785–1789; the filter: Davila, Fridman and Poznyak, Int. J.
-    Control 79 (2006) 1251–1262. At the start x_hat = x(0), the others are 0.
+    Exact after a finite time, apart from the filter, where alpha is 1.1 times a bound of |w|, and lambda 1.5 times its
+    root. Davila, Fridman and Levant, Second-order sliding-mode observer for mechanical systems, IEEE Transactions on
+    Automatic Control 50 (2005) 1785–1789; the filter: Davila, Fridman and Poznyak, Int. J. Control 79 (2006) 1251–1262.
+    At the start x_hat = x(0), the others are 0.
     """
 
     x = Input("n", description="measured position")

@@ -68,8 +68,8 @@ class VelocityObstacles(Block):
     horizon = Parameter(unit="s", default=1.0, description="how far it looks ahead")
     T = Parameter(unit="s", default=0.1, description="time in which a velocity is taken on")
     limit = Parameter(unit="m/s", default=math.inf, description="largest planar velocity")
-    normals = Local("capacity", 2, unit="1", description="work space: normals of the half-planes")
-    offsets = Local("capacity", unit="m/s", description="work space: their distances from the origin")
+    normals = Local("capacity", 2, unit="1", finite=False, description="work space: normals of the half-planes")
+    offsets = Local("capacity", unit="m/s", finite=False, description="work space: their distances from the origin")
     u_safe = Output("robots", "n", description="control inputs")
     violation = Output("robots", unit="m/s", description="by how much the nearest half-plane is missed")
     infeasible = Output(
