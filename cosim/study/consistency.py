@@ -10,11 +10,11 @@ from cosim.errors import MetricError, PlotError, Position, Problems, TooLarge, U
 from cosim.language.source import Node
 from cosim.plot.figures import Figure
 from cosim.study import file_names, plan
-from cosim.study.definition import MOST_MEMBERS, Study
+from cosim.study.definition import MOST_MEMBERS, STEP_TIME, Study
 from cosim.wiring.network import Network
 
-OWN = ("variant", "draw", "status", "reason", "steps", "seconds", "conditions")
-"""What the data set of every study has; a metric of such a name would take its place."""
+OWN = ("variant", "draw", "status", "reason", "steps", "seconds", "conditions", STEP_TIME)
+"""What the data set or the tables of every study have; a metric of such a name would take its place."""
 
 
 def check(study: Study, variants: Mapping[str, Node], problems: Problems) -> None:
@@ -149,7 +149,7 @@ def _named_metrics(
 ) -> Iterator[tuple[str, Node, list[str]]]:
     """Where the study names a metric, the name, and what it could be."""
     for table in study.tables:
-        yield from ((f"`tables.{table.title}`", column.metric, known) for column in table.columns)
+        yield from ((f"`tables.{table.title}`", column.metric, [*known, STEP_TIME]) for column in table.columns)
     if study.question:
         yield "`explain`", study.question.metric, list(bases[study.question.baseline].diagram.figures)
     for figure in study.figures:

@@ -24,6 +24,8 @@ CONDITIONS = ("kept", "all", "any")
 """Of the theorems' conditions: those that hold with the values before, all, or whichever."""
 METHODS = ("random", "latin-hypercube", "sobol")
 STATISTICS = ("max", "mean", "median", "min", "rms", "std")
+STEP_TIME = "step_time"
+"""A figure of every run that a table may show: the wall-clock time of a step (us)."""
 OVER_RUNS = {
     "max": "max",
     "min": "min",
@@ -173,7 +175,8 @@ class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
     statistic: one of STATISTICS, or a quantile from 0 to 1; None for that of OVER_RUNS. above, below: the share of runs
-    beyond a limit instead. deviation: whether the standard deviation stands behind it, which is a mean then.
+    beyond a limit instead. deviation: whether the standard deviation stands behind it, which is a mean then. interval:
+    whether the bounds of its probability stand behind a share.
     """
 
     heading: str
@@ -183,6 +186,7 @@ class TableColumn:
     below: float | None = None
     format: str = ".3g"
     deviation: bool = False
+    interval: bool = False
 
 
 @dataclass(frozen=True)

@@ -68,15 +68,16 @@ TUNE: dict[str, Key] = {
     "seed": RANDOM["seed"],
 }
 COLUMN: dict[str, Key] = {
-    "metric": Key("which metric", ANYTHING),
+    "metric": Key("which metric; or step_time, the wall-clock time of a step (us)", ANYTHING),
     "over": Key("how draws are reduced: a statistic, a quantile from 0 to 1, or [mean, std]", ANYTHING),
     "above": Key("the share of runs above this limit instead", NUMBER),
     "below": Key("the share of runs below this limit instead", NUMBER),
+    "interval": Key("whether the bounds of its probability stand behind a share, with 95 % confidence", TRUTH, False),
     "format": Key("of its numbers, such as .2e", ANYTHING),
 }
 TABLE: dict[str, Key] = {
     "rows": Key("the dimensions that its rows are", ANYTHING),
-    "columns": Key("metrics, or headings with {metric, over, above, below, format}", ANYTHING),
+    "columns": Key("metrics, or headings with {metric, over, above, below, interval, format}", ANYTHING),
     "transpose": Key("whether rows and columns change places", TRUTH, False),
 }
 EXPLAIN: dict[str, Key] = {

@@ -15,7 +15,8 @@ from cosim.requirements.margins import NO_MARGIN
 from cosim.results.metrics import REDUCTIONS, reduction
 from cosim.results.text_table import TextTable
 from cosim.study.dataset import metric_names, scalar
-from cosim.study.definition import OVER_RUNS, Study, TableColumn, TableLayout
+from cosim.study.definition import OVER_RUNS, STEP_TIME, Study, TableColumn, TableLayout
+from cosim.study.kept import interval
 from cosim.study.member_run import Row
 from cosim.study.running import FAILED, Results
 
@@ -43,8 +44,12 @@ def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mappi
     several = any(len(group) > 1 for group in groups.values())
     values = [[cell(column, group) for column in columns] for group in groups.values()]
     off = [[deviation(column, group) for column in columns] for group in groups.values()]
-    cells = [zip(line, around, columns, strict=True) for line, around in zip(values, off, strict=True)]
-    texts = [[_text(value, around, column) for value, around, column in line] for line in cells]
+    sizes = [len(group) for group in groups.values()]
+    lines_of = zip(values, off, sizes, strict=True)
+    texts = [
+        [_text(value, around, column, size) for value, around, column in zip(line, spread, columns, strict=True)]
+        for line, spread, size in lines_of
+    ]
     headings = [heading(column) if several else column.heading for column in columns]
     head = [*layout.rows, *headings]
     labels = [[label(study, group[0], dimension) for dimension in layout.rows] for group in groups.values()]
@@ -79,7 +84,8 @@ def with_statistic(column: TableColumn, reductions: Mapping[str, str]) -> TableC
     """The column with the statistic that its metric has if nothing is said: a minimum is reduced by the minimum."""
     if column.statistic is not None:
         return column
-    return replace(column, statistic=OVER_RUNS[reductions[str(column.metric.value)]])
+    name = str(column.metric.value)
+    return replace(column, statistic="median" if name == STEP_TIME else OVER_RUNS[reductions[name]])
 
 
 def heading(column: TableColumn) -> str:
@@ -105,22 +111,29 @@ def cell(column: TableColumn, rows: list[Row]) -> float | None:
     if column.above is not None or column.below is not None:
         known = [found for row in rows if (found := number(row, name)) is not None]
         return float(satisfies(np.array(known), column.above, column.below).sum() / len(rows))
-    numbers = np.array([found for row in rows if (found := scalar(row["metrics"].get(name))) is not None])
+    numbers = np.array([found for row in rows if (found := _figure(row, name)) is not None])
     if not numbers.size:
         return None
     return _statistic("max" if column.statistic is None else column.statistic, numbers)
 
 
+def _figure(row: Row, name: str) -> float | None:
+    """A figure of a run, if it has that and it is no array."""
+    if name == STEP_TIME:
+        return 1e6 * row["seconds"] / row["steps"] if row["steps"] else None
+    return scalar(row["metrics"].get(name))
+
+
 def number(row: Row, name: str) -> float | None:
     """A figure of a run, if it has that and it is no array; a margin of zero is on the side that its verdict says."""
-    found = scalar(row["metrics"].get(name))
+    found = _figure(row, name)
     holds, _ = row.get("requirements", {}).get(name, (None, ""))
     return (NO_MARGIN if holds else -NO_MARGIN) if found == 0.0 and holds is not None else found
 
 
 def deviation(column: TableColumn, rows: list[Row]) -> float | None:
     """The standard deviation of a column that has one, as of `std`: over all runs; None of fewer than two."""
-    numbers = [n for row in rows if (n := scalar(row["metrics"].get(str(column.metric.value)))) is not None]
+    numbers = [n for row in rows if (n := _figure(row, str(column.metric.value))) is not None]
     return _statistic("std", np.array(numbers)) if column.deviation and len(numbers) > 1 else None
 
 
@@ -167,8 +180,12 @@ def _at(study: Study, row: Row, dimension: str) -> Any:
     return row["grid"][[axis.name for axis in study.grid].index(dimension)]
 
 
-def _text(value: float | None, around: float | None, column: TableColumn) -> str:
+def _text(value: float | None, around: float | None, column: TableColumn, runs: int) -> str:
+    """A cell's text; runs: how many it is of."""
     if value is None:
         return "—"
     text = format(value, column.format)
+    if column.interval:
+        low, high = (format(bound, column.format) for bound in interval(round(value * runs), runs))
+        return f"{text} ({low} … {high})"
     return text if around is None else f"{text} ± {format(around, column.format)}"
