@@ -77,7 +77,7 @@ def objective(tuning: Tuning, metrics: Mapping[str, Any]) -> float | None:
 
 def figures(tuning: Tuning) -> list[str]:
     """The metrics that the objective and the bounds name."""
-    names = expression.names(tuning.objective.value)
+    names = expression.names(tuning.objective.value) - {*expression.CONSTANTS, *expression.FUNCTIONS}
     return [*sorted(names), *(b.signal for b in tuning.subject if b.signal not in names)]
 
 
