@@ -217,7 +217,8 @@ def spread(numbers: Numbers, shape: tuple[int, ...], dtype: Any = float) -> np.n
 
 @dataclass
 class Dimension:
-    """A named dimension with a default size, or with as many elements as another one, `of`, less so many.
+    """A named dimension with a default size, or with as many elements as another one, `of`, less so many (more, of a
+    negative number).
 
     An open one may have the axes of the `widest` of several open ones, whose variables are combined element by element:
     all others are of one element, or have the same axes. Names used in shapes without this are solved from the wiring.

@@ -9,6 +9,7 @@ from typing import Any
 
 from cosim.errors import ExpressionError
 from cosim.language import expression
+from cosim.language.elementary import FUNCTIONS
 from cosim.study.definition import Bounds, Tuning
 from cosim.study.member_run import Row
 
@@ -77,7 +78,7 @@ def objective(tuning: Tuning, metrics: Mapping[str, Any]) -> float | None:
 
 def figures(tuning: Tuning) -> list[str]:
     """The metrics that the objective and the bounds name."""
-    names = expression.names(tuning.objective.value) - {*expression.CONSTANTS, *expression.FUNCTIONS}
+    names = expression.names(tuning.objective.value) - {*expression.CONSTANTS, *FUNCTIONS}
     return [*sorted(names), *(b.signal for b in tuning.subject if b.signal not in names)]
 
 

@@ -114,7 +114,8 @@ def print_block(name: str) -> None:
 
 
 def _size(dimension: Dimension) -> str:
-    return f"{dimension.of} - {dimension.less}" if dimension.of else f"default {dimension.default}"
+    sign = "-" if dimension.less > 0 else "+"
+    return f"{dimension.of} {sign} {abs(dimension.less)}" if dimension.of else f"default {dimension.default}"
 
 
 def _block(name: str) -> type[Block]:

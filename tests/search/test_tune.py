@@ -2,10 +2,14 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cosim.errors import Position
+from cosim.language.source import Node
+from cosim.search.worth import figures
 from cosim.terminal.cli import main
 
 # The integrals of u1 = p and u2 = q over 1 s, from 0: x(1) = p, y(1) = q, exact under any method.
@@ -72,6 +76,11 @@ def test_a_bowl_is_gone_down_to_its_bottom_and_the_overlay_has_it(tmp_path, caps
     assert answer["values"]["blocks.x.inputs.u"][0] == 1.5
     assert main(["run", answer["overlay"], "-o", str(tmp_path / "run.nc"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["metrics"]["p"] == answer["after"]["runs"][0]["p"]  # to the bit
+
+
+def test_functions_of_an_objective_are_no_figures():
+    objective = Node("max(p, 1) + abs(q)*pi", Position(""))
+    assert figures(SimpleNamespace(objective=objective, subject=())) == ["p", "q"]
 
 
 def test_bounds_are_kept_where_the_minimum_lies_beyond_them(tmp_path, capsys):
