@@ -217,11 +217,11 @@ def spread(numbers: Numbers, shape: tuple[int, ...], dtype: Any = float) -> np.n
 
 @dataclass
 class Dimension:
-    """A named dimension with a default size, or with as many elements as another one, `of`, less so many (more, of a
-    negative number).
+    """A named dimension with a default size, or with as many elements as another one, `of`, less so many.
 
-    An open one may have the axes of the `widest` of several open ones, whose variables are combined element by element:
-    all others are of one element, or have the same axes. Names used in shapes without this are solved from the wiring.
+    Less a negative number is more. An open one may have the axes of the `widest` of several open ones, whose variables
+    are combined element by element: all others are of one element, or have the same axes. Names used in shapes without
+    this are solved from the wiring.
     """
 
     default: int | None = None
