@@ -118,8 +118,8 @@ class Reductions:
         ]
 
     def verdicts(self, ended: bool) -> dict[str, Verdict]:
-        """By how much each requirement is kept; ended: whether the run has come to its end."""
-        return {name: self._verdict(name, ended) for name in self.monitors}
+        """By how much each requirement is kept; ended: whether the run has come to its end, if none was to end it."""
+        return {name: self._verdict(name, ended and not self.violated) for name in self.monitors}
 
     def _verdict(self, name: str, ended: bool) -> Verdict:
         return verdict(name, self.network.diagram.requirements[name].text, self.monitors[name].robustness(ended))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
@@ -60,7 +61,7 @@ class Run:
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
     prepared: a program of this network with its kernels, if there is one. kept: whether `samples` has what is recorded.
     attributes: what else the result's file says of itself. checkpoint: how often one is kept beside the result, as of
-    `Interval`; resume: whether to go on from it.
+    `Interval`; resume: whether to go on from it. until: where it is broken off before its end (s).
 
     Raises: WrongValue for an engine that there is not, and for checkpoints without a result.
     """
@@ -76,6 +77,7 @@ class Run:
         checkpoint: str | None = None,
         resume: bool = False,
         kept: bool = False,
+        until: float = math.inf,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         if engine not in ENGINES:
@@ -88,6 +90,7 @@ class Run:
         self.reductions = Reductions(network, native=engine == "native")
         self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
         self._kernels = prepared[1] if prepared else None
+        self.steps = _steps(network, until)
         self.looks = prepared is None  # whether equal steps are stable: of many runs nobody asks
         self.unstable: list[CosimError] = []
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
@@ -101,14 +104,16 @@ class Run:
         began = clock.perf_counter()
         kernels = self._kernels
         if kernels is None:
-            kernels = compilation.compile_program(self._program)  # interpreted too, so that both refuse the same
-            self._kernels = kernels
+            kernels = self._kernels = compilation.compile_program(
+                self._program
+            )  # interpreted too: both refuse the same
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
         if self.engine == "native":
             kernels.load()
         compiled = clock.perf_counter()
-        native = kernels if self.engine == "native" else None
-        made = Simulation(self._program, native, _probes(self.network, self.reductions))
+        probes = _probes(self.network, self.reductions)
+        made = Simulation(self._program, kernels if self.engine == "native" else None, probes)
+        made.ticks = self.steps * self.network.schedule.grid
         if self.reductions.enders:
             made.looks_at = STEPS_BEFORE_END * self.network.schedule.grid
         self.seconds["compile"] = compiled - began
@@ -126,8 +131,8 @@ class Run:
             raise CosimError("this run has been executed", fix="make another `Run` of the same network")
         self._executed = True
         self.simulation  # noqa: B018  compiled before a result is begun
-        with self._checkpointed(), interruption.deferred() as interrupted:
-            return self._execute(watch, interrupted)
+        with self._checkpointed(), interruption.deferred() as interrupted, self._writer() as writer:
+            return self._recorded(writer, watch, interrupted)
 
     def _checkpointed(self) -> AbstractContextManager[None]:
         if not self.checkpoints:
@@ -136,10 +141,6 @@ class Run:
 
         assert self._kernels
         return self.checkpoints.of(self.network, identity(self.network, self._program, self._kernels, self.engine))
-
-    def _execute(self, watch: Callable[[float], None], interrupted: Interruption) -> Outcome:
-        with self._writer() if self.output else nullcontext() as writer:  # which keeps what is there, come what may
-            return self._recorded(writer, watch, interrupted)
 
     def _recorded(
         self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption
@@ -217,8 +218,9 @@ class Run:
         self.seconds["setup"] += spent
         return spent
 
-    def _writer(self) -> ResultWriter:
-        assert self.output is not None
+    def _writer(self) -> AbstractContextManager[ResultWriter | None]:
+        if self.output is None:
+            return nullcontext()  # else it keeps what is there, come what may
         more, state = dict(self.attributes), None
         if self.checkpoints:
             more[MARK], state = self.checkpoints.mark, self.checkpoints.result
@@ -247,12 +249,18 @@ class Run:
             signal=signal,
             warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse],
             conditions=judged,
-            requirements=self.reductions.verdicts(status == "completed" and not self.reductions.violated),
+            requirements=self.reductions.verdicts(status == "completed" and self.steps == diagram.run.steps),
             units=self.reductions.units,
             windows=self.reductions.windows,
             swaps=[str(swap) for swap in self.network.swaps],
             stepping=step_counts.stepping(self._program, self.simulation.control),
         )
+
+
+def _steps(network: Network, until: float) -> int:
+    """How many steps lead to the first communication point that is not before a time (s), or to the end."""
+    run = network.diagram.run
+    return run.steps if until >= run.stop else max(1, min(run.steps, math.ceil(until / run.step - 1e-9)))
 
 
 def _probes(network: Network, reductions: Reductions) -> list[Probes]:

@@ -7,6 +7,7 @@ Robustness of temporal logic specifications for continuous-time signals, Theoret
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
@@ -96,6 +97,13 @@ class Monitor:
         element = tuple(int(k) for k in np.unravel_index(int(np.argmin(decisive)), decisive.shape))
         found = float(decisive[element])
         return Robustness(found, settled, self._judge.margin.label, self._judge.decisive(element))
+
+    def bound(self, ended: bool) -> tuple[float, float]:
+        """The most that its margin may be, whatever comes, and the time (s) that decides that; NaN for unknown."""
+        high = self._judge.bounds(ended)[1]
+        element = tuple(int(k) for k in np.unravel_index(int(np.argmin(high)), high.shape))
+        known = math.isfinite(high[element])
+        return float(high[element]), self._judge.decisive(element).time if known else math.nan
 
     def _why_not(self, ended: bool) -> str:
         if empty := self._judge.empty:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
@@ -20,7 +21,9 @@ from cosim.study.plan import Member
 from cosim.study.store import Store
 from cosim.study.variants import Prepared, Settings, Variants
 
-Submit = Callable[[Member, Prepared, str], "Future[Row]"]
+Submit = Callable[[Member, Prepared], "Future[Row]"]
+NUMBERS = ("metrics", "bounds")
+"""The parts of a row that have numbers which JSON does not have."""
 
 
 class Evaluator:
@@ -70,36 +73,34 @@ class Evaluator:
         finally:
             self._store.close()
 
-    def _here(
-        self, executor: Executor, stop: threading.Event, chosen: Member, prepared: Prepared, _key: str
-    ) -> Future[Row]:
+    def _here(self, executor: Executor, stop: threading.Event, chosen: Member, prepared: Prepared) -> Future[Row]:
         def watch(_time: float) -> None:
             if stop.is_set():
                 raise KeyboardInterrupt
 
         return executor.submit(member_run.run, self.variants, chosen, None, watch, prepared)
 
-    def _elsewhere(self, executor: Executor, chosen: Member, _prepared: Prepared, key: str) -> Future[Row]:
-        return executor.submit(executors.run_elsewhere, self._origin, chosen, None, key)
+    def _elsewhere(self, executor: Executor, chosen: Member, prepared: Prepared) -> Future[Row]:
+        return executor.submit(executors.run_elsewhere, self._origin, chosen, None, prepared.key)
 
-    def rows(self, points: Sequence[Settings]) -> list[Row]:
-        """The row of each point, as a study has it. Raises: KeyboardInterrupt, ResultError."""
+    def rows(self, points: Sequence[Settings], until: float | None = None) -> list[Row]:
+        """The row of each point, as a study has it; until: as of `Member`. Raises: KeyboardInterrupt, ResultError."""
         assert self._submit
         keys: list[str | None] = []
         futures: dict[str, Future[Row]] = {}
         refused: dict[int, Row] = {}
         for number, settings in enumerate(points):
-            chosen = Member(self.variant, settings=settings)
+            chosen = Member(self.variant, settings=settings, until=until)
             try:
                 prepared = self.variants.prepared(chosen)
             except CosimError as error:
                 keys.append(None)
                 refused[number] = member_run.lost(error.message)
                 continue
-            key = prepared.key
+            key = prepared.key if until in (None, math.inf) else f"{prepared.key} until {until!r}"
             keys.append(key)
             if key not in self._store and key not in futures:
-                futures[key] = self._submit(chosen, prepared, key)
+                futures[key] = self._submit(chosen, prepared)
         try:
             for key, future in futures.items():
                 self._keep(key, future)
@@ -112,7 +113,7 @@ class Evaluator:
         self.done += len(points)
         self._watch(self.done)
         found = [refused[n] if key is None else self._store[key] for n, key in enumerate(keys)]
-        return [{**row, "metrics": from_json(row["metrics"])} for row in found]
+        return [{**row, **{part: from_json(row[part]) for part in NUMBERS if part in row}} for row in found]
 
     def _keep(self, key: str, future: Future[Row]) -> None:
         try:

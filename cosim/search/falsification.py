@@ -2,8 +2,13 @@
 
     look at the middle, at corners and at points that fill the space
     repeat
-        CMA-ES from the best point that has not been begun from, or from the best of some random ones
+        CMA-ES from the best point that has not been begun from, or from the best of some random ones, until it
+        stands still
     until a run violates the requirement, or all runs are spent
+
+A descent looks no further along its runs than it has to: twice as far as what decides its begin's margin. What such a
+run has seen bounds the margin of the whole run from above, so a violation in it is one of the whole run; the best of
+each descent is run as a whole.
 
 Hansen, The CMA evolution strategy: a tutorial, arXiv:1604.00772. All that is random comes from the seed, and no run's
 result depends on how many are under way at once, so the same search gives the same runs.
@@ -11,6 +16,7 @@ result depends on how many are under way at once, so the same search gives the s
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -29,9 +35,15 @@ from cosim.study.variants import Settings
 
 Point = tuple[float, ...]
 Place = tuple[Point, Settings]
-GENERATIONS = 60
-SPREAD = 0.08
+GENERATIONS = 300
+SPREAD = 0.2
 """Of CMA-ES at its begin, of the space's width."""
+BEGUN, NEAR = 20, 0.02
+"""A descent stands still where, after so many generations, half of one lie within this share of the best margin."""
+STILL, GAIN = 80, 0.05
+"""It does too where so many generations gain less than this share of the margin."""
+SHORTEST = 1 / 32
+"""Of the run, what is always looked at: less saves nothing."""
 LOOKED_AT = 32
 FIRST = 2
 """How many points of the first look are begun from."""
@@ -41,7 +53,7 @@ TRIES = 200
 
 @dataclass
 class Findings:
-    """What a search has found so far. trials: how many; least: the one with the smallest margin."""
+    """What a search has found so far. trials: how many; least: the whole run with the smallest margin."""
 
     trials: int = 0
     least: Trial | None = None
@@ -82,7 +94,7 @@ class Falsification:
             if not begins:
                 raise NoAcceptedDraw("no point is accepted", self._evaluator.draws.accept_place, "widen `accept`")
             if not self._is_over():
-                self._descend(begins.pop(0).point)
+                self._descend(begins.pop(0))
         return self.findings
 
     def _is_over(self) -> bool:
@@ -117,28 +129,54 @@ class Falsification:
         settings = self._evaluator.draws.at(row)
         return None if settings is None else (tuple(row.tolist()), settings)
 
-    def _descend(self, begin: Point) -> None:
-        """CMA-ES from a point, until it stands still."""
-        strategy = descent.strategy(begin, SPREAD, int(self._random.integers(1, 2**31)), GENERATIONS)
-        while not strategy.stop() and not self._is_over():
+    def _descend(self, begin: Trial) -> None:
+        """CMA-ES from a run's point, until it stands still."""
+        until = self._sight(begin)
+        strategy = descent.strategy(begin.point, SPREAD, int(self._random.integers(1, 2**31)), GENERATIONS)
+        best, courses, typical = begin, [begin.cost], math.inf
+        while not (strategy.stop() or _stands_still(courses, typical) or self._is_over()):
             places = [*filter(None, (self._accepted(lambda: strategy.ask(1)[0]) for _ in range(POPULATION)))]
-            trials = self._tried(places)
+            trials = self._tried(places, until)
             if len(trials) < POPULATION // 2:  # nearly nothing is accepted there, or all runs are spent
-                return
+                break
             strategy.tell([np.array(t.point) for t in trials], [t.cost for t in trials])
+            best = min(best, *trials, key=lambda t: t.cost)
+            courses.append(best.cost)
+            typical = float(np.median([t.cost for t in trials]))
+            if best.cost <= 0.0:
+                break
+        if best is not begin and until < math.inf and not self._is_over():
+            self._tried([(best.point, best.settings)])
 
-    def _tried(self, places: Sequence[Place]) -> list[Trial]:
-        """Run points, as long as there are runs, in batches of a population."""
+    def _sight(self, begin: Trial) -> float:
+        """How far a descent looks (s): as far as leaves the margin of its begin as it is, or to the end."""
+        evaluator = self._evaluator
+        stop = evaluator.variants.base(evaluator.variant).diagram.run.stop
+        until = max(2.0 * begin.time, SHORTEST * stop)
+        if not until <= stop / 2:
+            return math.inf
+        seen = self._tried([(begin.point, begin.settings)], until)
+        return until if seen and seen[0].cost == begin.cost else math.inf
+
+    def _tried(self, places: Sequence[Place], until: float = math.inf) -> list[Trial]:
+        """Run points up to a time (s), as long as there are runs, in batches of a population."""
         tried: list[Trial] = []
         for begin in range(0, len(places), POPULATION):
             batch = places[begin : begin + POPULATION][: max(self._runs - self.findings.trials, 0)]
-            rows = self._evaluator.rows([settings for _, settings in batch])
+            rows = self._evaluator.rows([settings for _, settings in batch], until)
             for (point, settings), row in zip(batch, rows, strict=True):
                 self.findings.trials += 1
                 tried.append(trial(self.findings.trials, point, settings, row, self._requirement))
-                if self.findings.least is None or tried[-1].cost < self.findings.least.cost:
+                if until == math.inf and (not self.findings.least or tried[-1].cost < self.findings.least.cost):
                     self.findings.least = tried[-1]
             self._watch(self.findings)
             if self._is_over():
                 break
         return tried
+
+
+def _stands_still(courses: Sequence[float], typical: float) -> bool:
+    """Whether little is to be gained. courses: the best cost so far after each generation; typical: of the last one."""
+    if len(courses) > STILL and courses[-1] > (1.0 - GAIN) * courses[-1 - STILL]:
+        return True
+    return len(courses) > BEGUN and typical - courses[-1] < NEAR * courses[-1]

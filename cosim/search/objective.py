@@ -16,7 +16,8 @@ LARGE = 1e300
 class Trial:
     """A run of a search. margin: None where the run has none.
 
-    ended: how the run ended where it did not come to its end, with the reason.
+    ended: how the run ended where it did not come to its end, with the reason. most: what the margin may be at most,
+    of a run that was broken off; time: what decides that (s), NaN where nobody knows.
     """
 
     number: int
@@ -25,6 +26,8 @@ class Trial:
     margin: float | None
     ended: str
     place: str
+    most: float
+    time: float
 
     @property
     def violates(self) -> bool:
@@ -36,7 +39,8 @@ class Trial:
         """What a search makes small, always a number."""
         if self.ended:
             return -LARGE
-        return LARGE if self.margin is None else min(max(self.margin, -LARGE), LARGE)
+        found = self.most if self.margin is None else self.margin
+        return LARGE if math.isnan(found) else min(max(found, -LARGE), LARGE)
 
 
 def trial(number: int, point: tuple[float, ...], settings: Settings, row: Row, requirement: str) -> Trial:
@@ -47,4 +51,5 @@ def trial(number: int, point: tuple[float, ...], settings: Settings, row: Row, r
     found = None if margin is None or math.isnan(margin) else float(margin)
     if found == 0.0 and holds:  # kept by an equality that is allowed
         found = math.ulp(0.0)
-    return Trial(number, point, settings, found, ended, place)
+    most, time = row.get("bounds", {}).get(requirement, (math.inf, math.nan))
+    return Trial(number, point, settings, found, ended, place, float(most), float(time))

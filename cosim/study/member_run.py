@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,9 @@ def run(
     outcome = run.execute(watch)
     if isinstance(outcome.error, ResultError):
         raise outcome.error
+    if member.until is not None:
+        whole = run.steps == prepared.network.diagram.run.steps
+        row["bounds"] = {name: for_json(one.bound(whole)) for name, one in run.reductions.monitors.items()}
     return {**row, **_kept(outcome)}
 
 
@@ -64,7 +68,8 @@ def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepar
         network = variants.wire(member.variant, member.settings)
         _remove_damaged(file)
         return Run(network, output=file, attributes={MARK: prepared.key})
-    return Run(prepared.network, prepared=(prepared.program, prepared.kernels))
+    until = math.inf if member.until is None else member.until
+    return Run(prepared.network, prepared=(prepared.program, prepared.kernels), until=until)
 
 
 def _remove_damaged(file: Path) -> None:

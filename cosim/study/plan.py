@@ -14,12 +14,16 @@ from cosim.study.draws import Draws
 
 @dataclass(frozen=True)
 class Member:
-    """One run of a study. settings: (dotted path, plain value), as --set takes them."""
+    """One run of a study. settings: (dotted path, plain value), as --set takes them.
+
+    until: of a search, how far it looks (s), inf for to the end; it is told what the requirements' margins may be.
+    """
 
     variant: str
     grid: tuple[int, ...] = ()
     draw: int | None = None
     settings: tuple[tuple[str, Any], ...] = ()
+    until: float | None = None
 
     @property
     def name(self) -> str:
