@@ -43,7 +43,7 @@ class ChasingCar(Block):
         at_20[0] = y - ahead - 20.0
 
     def event(mode, at_5, at_10, at_15, at_20, next_mode):
-        if mode == 0 and at_15 > 0 or mode == 2 and at_20 > 0:
+        if (mode == 0 and at_15 > 0) or (mode == 2 and at_20 > 0):
             next_mode[0] = 1
         elif mode == 1 and at_10 < 0:
             next_mode[0] = 0

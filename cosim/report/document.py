@@ -22,10 +22,11 @@ from cosim.machine.parallel import processors
 from cosim.plot import animation, distribution, player
 from cosim.plot import motion as motions
 from cosim.plot.figures import Figure
-from cosim.report import words
+from cosim.report import found_section, words
 from cosim.results.result_file import open_result
 from cosim.results.software_versions import versions
 from cosim.results.text_table import TextTable
+from cosim.search import found
 from cosim.study import file_names, kept, running, text_tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
@@ -118,11 +119,24 @@ def _section(results: Results, pictures: Pictures) -> str:
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
     parts += _pictures(results, rows, pictures)
+    parts += _found(results)
     parts += ["<h3>What this was computed from</h3>", _list([*words.failures(rows), _timing(results, rows)])]
     parts.append(_details("the study", study.text))
     for name in study.variants:
         parts.append(_details(f"resolved diagram of {name}", results.variants.base(name).diagram.resolved()))
     return "\n".join([*parts, "</section>"])
+
+
+def _found(results: Results) -> list[str]:
+    """What `cosim falsify` has found of the study as it is now, if it was called."""
+    answers = found.read(results.kept_in / found.FOLDER, results.study) if results.study.search else []
+    if not answers:
+        return []
+    violated = [answer for answer in answers if answer["violated"]]
+    parts = ["<h3>What violates a requirement</h3>", _table(found_section.table(answers))]
+    for answer in violated:
+        parts += [_table(found_section.checks(answer)), *found_section.figures(answer)]
+    return parts
 
 
 def _table(table: TextTable) -> str:

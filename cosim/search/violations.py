@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,7 @@ class Answer:
             "unit": self.unit,
             "ended": least.ended if least else "",
             "at": least.place if least else "",
+            "time": least.time if least and not math.isnan(least.time) else None,
             "values": dict(least.settings) if least else {},
             "verdict": found.verdict if found else None,
             "why": found.why if found else "",

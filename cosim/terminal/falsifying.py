@@ -12,6 +12,7 @@ from cosim.language.source import Node
 from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.results.text_table import TextTable
+from cosim.search import found
 from cosim.search.checking import REAL
 from cosim.search.falsification import Findings
 from cosim.search.violations import Answer, Budget, Violations
@@ -24,23 +25,25 @@ from cosim.terminal.exits import DONE, UNCERTAIN, VIOLATED
 def falsify(options: argparse.Namespace) -> int:
     """Search for violations of each requirement. Returns the exit code."""
     study = study_file.load(options.study, options.set)
-    folder = options.results / options.study.stem / "falsify"
+    folder = options.results / options.study.stem / found.FOLDER
     place = Position("--requirement")
     budget = Budget(options.runs, options.seconds, options.seed)
     answers: list[Answer] = []
     with Counter() as counter:
         last: list[Findings] = []
 
-        def watch(_requirement: str, found: Findings) -> None:
-            last[:] = [found]
-            counter.update(found.trials, runs)
+        def watch(_requirement: str, so_far: Findings) -> None:
+            last[:] = [so_far]
+            counter.update(so_far.trials, runs)
 
         wanted = [Node(name, place) for name in options.requirement]
         search = Violations(study, folder, wanted, options.threads, options.set, watch, lambda how: None)
         runs = options.runs or search.search.runs
         try:
             with search.evaluator.at_work():
-                answers.extend(search.of(name, budget) for name in search.requirements)
+                for name in search.requirements:
+                    answers.append(search.of(name, budget))
+                    found.keep(folder, study, answers)
         except KeyboardInterrupt:
             _tell_interrupted(last)
             raise

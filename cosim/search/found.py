@@ -1,0 +1,48 @@
+"""What a search has found, kept beside its runs for a report to show."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cosim.errors import ResultError
+from cosim.machine import files
+from cosim.results.metrics import for_json, from_json
+from cosim.search.violations import Answer
+from cosim.study.definition import Study
+
+FOLDER, NAME = "falsify", "found.json"
+"""Of the folder in that of a study's results, and of the file in it."""
+
+
+def keep(folder: Path, study: Study, answers: Sequence[Answer]) -> None:
+    """Write the answers of a search, in the place of what an earlier search of these requirements said.
+
+    Raises: ResultError, such as for a full disk.
+    """
+    new = {answer.requirement: answer.as_json() for answer in answers}
+    content = {"study": _mark(study), "answers": {**{a["requirement"]: a for a in read(folder, study)}, **new}}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with files.fresh(folder / NAME) as path:
+            path.write_text(json.dumps(for_json(content), ensure_ascii=False), encoding="utf-8")
+    except OSError as error:
+        message = f"cannot write {folder / NAME}: {error.strerror}"
+        raise ResultError(message, fix=files.usual_fix(error)) from None
+
+
+def read(folder: Path, study: Study) -> list[dict[str, Any]]:
+    """The answers, as of `Answer.as_json`, of a search of the study as it is now; none where there was none."""
+    try:
+        content = json.loads((folder / NAME).read_text(encoding="utf-8"))
+        return list(from_json(content["answers"]).values()) if content["study"] == _mark(study) else []
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []
+
+
+def _mark(study: Study) -> str:
+    """By what a study is known again."""
+    return hashlib.sha256(study.text.encode()).hexdigest()
