@@ -147,10 +147,11 @@ def _courses(network: Network) -> dict[Signal, Courses]:
 def _events(network: Network) -> dict[Signal, tuple[Signal, Reduction]]:
     """The boolean outputs that report something, with the times at which they first do."""
     found = {}
-    for signal in network.signals():
-        if _event_text(network, signal):
-            first = metrics.reduction("first", dtype=bool, shape=network.shape(signal))
-            found[signal] = signal, first
+    for component in network.components.values():
+        for name, variable in component.declaration.variables.items():
+            if isinstance(variable, (Output, Local)) and variable.event:
+                signal = Signal(component.name, name)
+                found[signal] = signal, metrics.reduction("first", dtype=bool, shape=network.shape(signal))
     return found
 
 

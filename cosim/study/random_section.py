@@ -32,7 +32,7 @@ def read(node: Node, reader: Reader, section: str = "random", drawn: str = "draw
     bounds = entries["accept"].value if "accept" in entries else {}
     accept = [_bounds(signal, n, reader, f"{section}.accept.{signal}") for signal, n in bounds.items()]
     if not entries["draws"].value:
-        reader.wrong(entries["draws"], "`random.draws` draws nothing", "write a path and its distribution")
+        reader.wrong(entries["draws"], f"`{section}.{drawn}` draws nothing", "write a path and its distribution")
     return Random(
         read_value(RANDOM["count"], entries["count"], "random.count", reader),
         seed,

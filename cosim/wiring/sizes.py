@@ -76,9 +76,13 @@ def _bytes(component: Component, variable: Variable, continuous: Container[Varia
     return copies * component.count * component.nbytes(variable)
 
 
+LITTLE = 1 << 20
+"""Bytes that are always there: to ask how many there are takes a while."""
+
+
 def require(needed: int, what: str, position: Position | None, fix: str) -> None:
     """Raises: TooLarge where so many bytes are not there."""
-    if needed > (there := memory()):
+    if needed > LITTLE and needed > (there := memory()):
         raise TooLarge(f"{what} need {text(needed)} of memory, and there are {text(there)}", position, fix)
 
 
