@@ -26,8 +26,7 @@ from cosim.report import found_section, words
 from cosim.results.result_file import open_result
 from cosim.results.software_versions import versions
 from cosim.results.text_table import TextTable
-from cosim.search import found
-from cosim.study import file_names, kept, running, text_tables
+from cosim.study import file_names, found, kept, running, text_tables
 from cosim.study.dataset import scalar
 from cosim.study.definition import Study
 from cosim.study.member_run import Row

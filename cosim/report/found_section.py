@@ -31,7 +31,7 @@ BEYOND = 1.5
 
 
 def table(answers: list[dict[str, Any]]) -> TextTable:
-    """What is said of each requirement. answers: as of `cosim.search.found`."""
+    """What is said of each requirement. answers: as of `cosim.study.found`."""
     rows = []
     for answer in answers:
         verdict = answer["verdict"] or "none found"

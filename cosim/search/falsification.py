@@ -36,15 +36,16 @@ from cosim.study.variants import Settings
 Point = tuple[float, ...]
 Place = tuple[Point, Settings]
 GENERATIONS = 300
-SPREAD = 0.2
+SPREAD = 0.3
 """Of CMA-ES at its begin, of the space's width."""
 BEGUN, NEAR = 20, 0.02
 """A descent stands still where, after so many generations, half of one lie within this share of the best margin."""
-STILL, GAIN = 80, 0.05
+STILL, GAIN = 60, 0.05
 """It does too where so many generations gain less than this share of the margin."""
 SHORTEST = 1 / 32
 """Of the run, what is always looked at: less saves nothing."""
-LOOKED_AT = 32
+LOOKED_AT, AT_ONCE = 32, 8
+"""How many points a look has, and how many of them are run at once: what is easily found needs few runs."""
 FIRST = 2
 """How many points of the first look are begun from."""
 TRIES = 200
@@ -88,7 +89,7 @@ class Falsification:
 
     def run(self) -> Findings:
         """Search. Raises: KeyboardInterrupt, which loses no run; ResultError, NoAcceptedDraw."""
-        begins = sorted(self._tried(self._first_places()), key=lambda t: t.cost)[:FIRST]
+        begins = sorted(self._tried(self._first_places(), at_once=AT_ONCE), key=lambda t: t.cost)[:FIRST]
         while not self._is_over():
             begins = begins or sorted(self._tried(self._random_places(LOOKED_AT)), key=lambda t: t.cost)[:1]
             if not begins:
@@ -158,11 +159,11 @@ class Falsification:
         seen = self._tried([(begin.point, begin.settings)], until)
         return until if seen and seen[0].cost == begin.cost else math.inf
 
-    def _tried(self, places: Sequence[Place], until: float = math.inf) -> list[Trial]:
-        """Run points up to a time (s), as long as there are runs, in batches of a population."""
+    def _tried(self, places: Sequence[Place], until: float = math.inf, at_once: int = POPULATION) -> list[Trial]:
+        """Run points up to a time (s), as long as there are runs, in batches."""
         tried: list[Trial] = []
-        for begin in range(0, len(places), POPULATION):
-            batch = places[begin : begin + POPULATION][: max(self._runs - self.findings.trials, 0)]
+        for begin in range(0, len(places), at_once):
+            batch = places[begin : begin + at_once][: max(self._runs - self.findings.trials, 0)]
             rows = self._evaluator.rows([settings for _, settings in batch], until)
             for (point, settings), row in zip(batch, rows, strict=True):
                 self.findings.trials += 1

@@ -12,11 +12,10 @@ from cosim.language.source import Node
 from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.results.text_table import TextTable
-from cosim.search import found
 from cosim.search.checking import REAL
 from cosim.search.falsification import Findings
 from cosim.search.violations import Answer, Budget, Violations
-from cosim.study import study_file
+from cosim.study import found, study_file
 from cosim.study.counter import Counter
 from cosim.terminal import screen, study_display
 from cosim.terminal.exits import DONE, UNCERTAIN, VIOLATED
@@ -43,7 +42,7 @@ def falsify(options: argparse.Namespace) -> int:
             with search.evaluator.at_work():
                 for name in search.requirements:
                     answers.append(search.of(name, budget))
-                    found.keep(folder, study, answers)
+                    found.keep(folder, study, [answers[-1].as_json()])
         except KeyboardInterrupt:
             _tell_interrupted(last)
             raise

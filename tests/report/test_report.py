@@ -207,3 +207,35 @@ def test_a_figure_that_cannot_move_is_told_at_its_place(tmp_path, monkeypatch, c
     assert main(["report", "study.yaml"]) == 2
     error = " ".join(capsys.readouterr().err.split())
     assert "study.yaml:13:" in error and "`figures.Fig. 3`: `swing.x` is no list of positions" in error
+
+
+BODIES = """
+run: {stop: 1, step: 0.0625}
+fleets: {robot: 2}
+blocks:
+  plant: {block: Integrator, per: robot, inputs: {u: [0.5, 0]}, start: {x: [[0, 0], [2, 2]]}}
+record: {period: 0.0625, signals: [plant.x]}
+"""
+SOUGHT = """
+diagram: diagram.yaml
+requirements: {left: "always(plant.x[1, 1] < 1)", low: "always(plant.x[2, 2] < 9)"}
+search: {over: {"blocks.plant.inputs.u": {uniform: [[0, 0], [2, 0]]}}, runs: 20}
+"""
+
+
+def test_what_a_search_has_found_is_shown_with_pictures(tmp_path, monkeypatch):
+    """Two bodies move to the right: the first one violates `left` from u = 1 on, at the end most."""
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, BODIES, "diagram.yaml")
+    written(tmp_path, SOUGHT, "study.yaml")
+    assert main(["falsify", "study.yaml"]) == 3
+    assert main(["report", "study.yaml"]) == 0
+    page = tmp_path / "results" / "study" / "report.html"
+    text = page.read_text()
+    assert "What violates a requirement" in text
+    assert "left: real, as it is there at every step" in text and "<td>none found</td>" in text
+    assert text.count("<figure>") == 2  # the signal, and the ways
+    assert "violated most at 1 s" in text
+    written(tmp_path, SOUGHT.replace("runs: 20", "runs: 21"), "study.yaml")  # of another study nothing is said
+    assert main(["report", "study.yaml"]) == 0
+    assert "What violates a requirement" not in page.read_text()

@@ -1,6 +1,7 @@
 """`cosim falsify`: it finds what theory says is there, tells real from numerical, and loses no run."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from cosim.engine.run import Run, load
 from cosim.terminal.cli import main
 
 # x' = u: x(1) = x_0 + u, so that x < 1 at all times is violated where x_0 + max(u, 0) >= 1.
@@ -181,3 +183,64 @@ def test_a_study_without_a_search_says_what_to_write(tmp_path, capsys):
     written(tmp_path, RAMP, "diagram: diagram.yaml\nrequirements: {below: always(plant.x < 1)}\n")
     assert main(["falsify", str(tmp_path / "study.yaml")]) == 2
     assert "write search: {over:" in capsys.readouterr().err
+
+
+def test_a_search_looks_no_further_than_what_decides(tmp_path, capsys):
+    """x' = -x falls from x_0 on, so that the margin of x < 2 is 2 - x_0, decided at once; the least is at the bound."""
+    diagram = DECAY.replace("stop: 2", "stop: 64")
+    study = """
+diagram: diagram.yaml
+requirements: {below: always(plant.x < 2)}
+search: {over: {blocks.plant.start.x: {uniform: [0, 1.5]}}, runs: 200}
+"""
+    written(tmp_path, diagram, study)
+    code, (answer,) = falsify(tmp_path, capsys=capsys)
+    assert (code, answer["violated"], answer["time"]) == (0, False, 0.0)
+    assert answer["margin"] == pytest.approx(0.5, abs=1e-3)
+    lines = (tmp_path / "results" / "study" / "falsify" / "runs.jsonl").read_text(encoding="utf-8").splitlines()
+    steps = {" until " in row["key"]: set[int]() for row in map(json.loads, lines)}
+    for row in map(json.loads, lines):
+        steps[" until " in row["key"]].add(row["steps"])
+    assert steps == {False: {640}, True: {20}}  # whole runs, and runs of 64 s / 32
+    written(tmp_path, diagram, study.replace("< 2", "< 1.49"))
+    code, (answer,) = falsify(tmp_path, capsys=capsys)
+    assert (code, answer["violated"]) == (3, True)
+    main(["run", answer["overlay"], "-o", str(tmp_path / "again.nc"), "--json"])
+    assert json.loads(capsys.readouterr().out)["requirements"][0]["margin"] == answer["margin"]  # of the whole run
+
+
+@pytest.mark.parametrize(
+    ("formula", "bound", "time"),
+    [
+        ("always(plant.x < 2)", 1.75, 0.5),  # x = t/2, so that the margin falls
+        ("always[0, 0.25](plant.x < 2)", 1.875, 0.25),  # all is seen
+        ("eventually(plant.x > 2)", math.inf, math.nan),  # what comes may be better
+    ],
+)
+def test_what_a_broken_off_run_says_of_the_margin(tmp_path, formula, bound, time):
+    (tmp_path / "diagram.yaml").write_text(RAMP + f"requirements: {{r: '{formula}'}}\n", encoding="utf-8")
+    run = Run(load(tmp_path / "diagram.yaml"), engine="python", until=0.5)
+    outcome = run.execute()
+    assert (outcome.steps, outcome.time) == (8, 0.5)
+    assert run.reductions.monitors["r"].bound(False) == pytest.approx((bound, time), nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "violated"),
+    [
+        ("plant.x < 1", "plant.x < -5", 3, True),  # at the very start, everywhere
+        ("uniform: [-1, MOST]", "uniform: [-0.5, -0.5]", 0, False),  # one of two values that has no room
+        ("  runs:", "  accept: {plant.x: {least: 0.04}}\n  runs:", 3, True),  # one point in a hundred is accepted
+    ],
+)
+def test_a_search_at_its_limits(tmp_path, capsys, old, new, code, violated):
+    written(tmp_path, RAMP, REACH.replace(old, new).replace("MOST", "0.05").replace("RUNS", "40"))
+    got, (answer,) = falsify(tmp_path, capsys=capsys)
+    assert (got, answer["violated"]) == (code, violated)
+
+
+def test_a_search_over_nothing_is_a_mistake(tmp_path, capsys):
+    study = "diagram: diagram.yaml\nrequirements: {below: always(plant.x < 1)}\nsearch: {over: {}}\n"
+    written(tmp_path, RAMP, study)
+    assert main(["falsify", str(tmp_path / "study.yaml")]) == 2
+    assert "`search.over` draws nothing" in capsys.readouterr().err

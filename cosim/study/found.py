@@ -11,20 +11,19 @@ from typing import Any
 from cosim.errors import ResultError
 from cosim.machine import files
 from cosim.results.metrics import for_json, from_json
-from cosim.search.violations import Answer
 from cosim.study.definition import Study
 
 FOLDER, NAME = "falsify", "found.json"
 """Of the folder in that of a study's results, and of the file in it."""
 
 
-def keep(folder: Path, study: Study, answers: Sequence[Answer]) -> None:
+def keep(folder: Path, study: Study, answers: Sequence[dict[str, Any]]) -> None:
     """Write the answers of a search, in the place of what an earlier search of these requirements said.
 
-    Raises: ResultError, such as for a full disk.
+    answers: as JSON has them, each with its `requirement`. Raises: ResultError, such as for a full disk.
     """
-    new = {answer.requirement: answer.as_json() for answer in answers}
-    content = {"study": _mark(study), "answers": {**{a["requirement"]: a for a in read(folder, study)}, **new}}
+    known = {answer["requirement"]: answer for answer in (*read(folder, study), *answers)}
+    content = {"study": _mark(study), "answers": known}
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with files.fresh(folder / NAME) as path:
@@ -35,7 +34,7 @@ def keep(folder: Path, study: Study, answers: Sequence[Answer]) -> None:
 
 
 def read(folder: Path, study: Study) -> list[dict[str, Any]]:
-    """The answers, as of `Answer.as_json`, of a search of the study as it is now; none where there was none."""
+    """The answers of a search of the study as it is now; none where there was none."""
     try:
         content = json.loads((folder / NAME).read_text(encoding="utf-8"))
         return list(from_json(content["answers"]).values()) if content["study"] == _mark(study) else []
