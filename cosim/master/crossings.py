@@ -15,6 +15,8 @@ as in `loop.py`.
 
 from __future__ import annotations
 
+import math
+import sys
 from typing import Any
 
 from cosim.machine.memory import reals_at, words_at
@@ -63,6 +65,7 @@ from cosim.master.tables import (
 
 ROUNDING = 2.0**-44  # of the time and the step: how near a crossing is found
 MOMENT = 2.0**-20  # of what is left of a step: when the sign of what an event has reset is looked at
+BESIDE = sys.float_info.min  # an indicator that is zero, for the sign that it had
 MOST_TRIALS = 200
 BISECTED = 60  # trials from which the interval is halved
 MOST_ROUNDS = 1000  # of an event that causes another at the same time
@@ -250,9 +253,11 @@ def crosses(was: float, z: float, wanted: float) -> float:
 
 
 def note(c: Any, base: int, vector: int) -> None:
-    """Keep the indicators as they are; of one that is zero, the sign that it had."""
+    """Keep the indicators as they are; one that is zero is next to it on the side where it was, and the crossing ahead."""
     n = c[N_INDICATORS]
     z, kept = reals_at(base + c[Z], n), reals_at(base + c[vector], n)
     for j in range(n):
         if z[j] != 0.0:
             kept[j] = z[j]
+        elif kept[j] != 0.0:
+            kept[j] = math.copysign(BESIDE, kept[j])

@@ -33,6 +33,7 @@ PARAMETERS = {
         "": "table: [[1, 2], [2, 1]], values: [5, 7]",
         "vector": "table: [[1, 2, 1, 2, 1, 2, 1, 2], [2, 1, 1, 1, 1, 1, 1, 2]], values: [5, 7]",
     },
+    "FirstOrderHold": {"": "T: 0.07"},  # never at the time of another's sample, where an FMU has one event for both
     "Square": {"": "frequency: 7"},
     "Step": {"": "at: 0.1234"},
     "Pulse": {"": "at: 0.05, width: 0.0333"},
@@ -85,7 +86,7 @@ def _entry(name: str, variant: str, parameters: str) -> str:
     inputs = [v for v in declaration.variables.values() if v.causality == "input"]
     wires = ", ".join(f"{v.name}: {_source(name, v, variant)}" for v in inputs)
     sampled = bool(declaration.kind("update")) or "period" in declaration.variables
-    period = ", period: 0.02" if sampled or name == "ZeroOrderHold" else ""
+    period = ", period: 0.015625" if sampled or name == "ZeroOrderHold" else ""
     return f"  {name}: {{block: {name}{VARIANTS[variant]}{period}, parameters: {{{parameters}}}, inputs: {{{wires}}}}}"
 
 
@@ -95,7 +96,7 @@ def write(folder: Path, file: str, variant: str) -> tuple[Path, list[str]]:
     per = VARIANTS[variant]
     lines = [
         "title: Every block of a file",
-        "run: {stop: 0.5, step: 0.01, integrator: rk4}",
+        "run: {stop: 0.5, step: 0.0078125, integrator: rk4}",
         "fleets: {robot: 2}",
         "blocks:",
         f"  wave: {{block: Sine, parameters: {{amplitude: {amplitude}, frequency: 3, phase: 0.3}}{per}}}",

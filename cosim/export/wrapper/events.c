@@ -2,7 +2,10 @@
  *
  * Co-Simulation finds them inside its steps. In Model Exchange the importer does, and the model says in Event Mode which
  * indicators have crossed since they were looked at last: at the end of an integrator step that crossed nothing, or a
- * moment after an event, where one has crossed back. One that is zero has the sign that it had, here and for the importer. */
+ * moment after an event, where one has crossed back. One that is zero has the sign that it had.
+ *
+ * FMI's indicators have no direction, so the importer gets their distance from an event: above zero, and below it where
+ * one has crossed so that it counts. No step ends at a crossing that is none, and the diagram's steps are the FMU's. */
 #include "instance.h"
 
 #include <float.h>
@@ -22,11 +25,24 @@ uint64_t indicator_count(void) {
     return (uint64_t)model.control[ENGINE_N_INDICATORS];
 }
 
+static bool has_crossed(const Instance *i, uint64_t k) {
+    const double z = vector_at(i, ENGINE_Z, k), was = vector_at(i, ENGINE_WAS, k);
+    const double direction = was < 0 && z > 0 ? 1 : z < 0 && was > 0 ? -1 : 0;
+    const double wanted = vector_at(i, ENGINE_WANTED, k);
+    return direction != 0 && (wanted == 0 || wanted == direction);
+}
+
+static bool have_crossed(const Instance *i) {
+    for (uint64_t k = 0; k < indicator_count(); k++)
+        if (has_crossed(i, k)) return true;
+    return false;
+}
+
 Status get_indicators(Instance *i, double *values) {
     const Status status = provide(i, INDICATED);
     for (uint64_t k = 0; k < indicator_count() && status < ERROR; k++) {
-        const double z = vector_at(i, ENGINE_Z, k), was = vector_at(i, ENGINE_WAS, k);
-        values[k] = z != 0 || was == 0 ? z : copysign(DBL_MIN, was);
+        const double z = fabs(vector_at(i, ENGINE_Z, k));
+        values[k] = has_crossed(i, k) ? -z : z == 0 ? DBL_MIN : z;
     }
     return status;
 }
@@ -37,16 +53,6 @@ static void note_indicators(Instance *i) {
         const double z = vector_at(i, ENGINE_Z, k);
         if (z != 0) memcpy(i->arena + model.control[ENGINE_WAS] + 8 * k, &z, sizeof z);
     }
-}
-
-static bool have_crossed(const Instance *i) {
-    for (uint64_t k = 0; k < indicator_count(); k++) {
-        const double z = vector_at(i, ENGINE_Z, k), was = vector_at(i, ENGINE_WAS, k);
-        const double direction = was < 0 && z > 0 ? 1 : z < 0 && was > 0 ? -1 : 0;
-        const double wanted = vector_at(i, ENGINE_WANTED, k);
-        if (direction != 0 && (wanted == 0 || wanted == direction)) return true;
-    }
-    return false;
 }
 
 Status handle_events(Instance *i, bool *changed, bool *ends) {
