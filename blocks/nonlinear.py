@@ -1,10 +1,10 @@
-"""Non-linear characteristics: limits, dead zones, hysteresis, switches, levels. Corners of the first are events."""
+"""Non-linear characteristics: limits, dead zones, hysteresis, switches, levels. Corners and jumps are events."""
 
 import math
 
 import numpy as np
 
-from cosim import Block, Indicator, Input, Output, Parameter, State, rule
+from cosim import Block, Indicator, Input, Local, Output, Parameter, State, rule
 
 
 def clamp(value: float, lower: float, upper: float) -> float:
@@ -120,20 +120,20 @@ class Sign(Block):
     """
 
     u = Input("n?", description="signal")
-    zero = Indicator("n?", description="the signal")
-    y = Output("n?", unit="1", description="its sign")
+    crossed = Indicator("n?", crossing="rising", description="how far the signal is beyond zero, or away from it")
+    y = Output("n?", unit="1", held=True, description="its sign")
 
     def outputs(u, y):
         for q in range(y.size):
             y[q] = 1.0 if u[q] > 0.0 else (-1.0 if u[q] < 0.0 else 0.0)
 
-    def indicators(u, zero):
+    def indicators(u, y, crossed):
         for q in range(u.size):
-            zero[q] = u[q]
+            crossed[q] = -y[q] * u[q] if y[q] != 0.0 else abs(u[q])
 
 
 class Quantiser(Block):
-    """A signal rounded to multiples of an interval, halves upwards. Its jumps are no events, and seen step by step.
+    """A signal rounded to multiples of an interval, halves upwards. Its jumps are events.
 
     ::
 
@@ -142,13 +142,25 @@ class Quantiser(Block):
 
     u = Input("n?", description="signal")
     interval = Parameter("n?", default=0.1, description="distance of two levels")
-    y = Output("n?", description="nearest level")
+    above = Indicator("n?", crossing="rising", description="how far u is above where the next level begins")
+    below = Indicator("n?", crossing="rising", description="how far u is below where the level begins")
+    y = Output("n?", held=True, description="nearest level")
 
     positive = rule("interval > 0")(lambda interval: bool(np.all(interval > 0.0)))
 
     def outputs(u, interval, y):
         for q in range(y.size):
-            y[q] = interval[q] * math.floor(u[q] / interval[q] + 0.5)
+            level = math.floor(u[q] / interval[q] + 0.5)
+            y[q] = interval[q] * level
+            if u[q] > y[q] + 0.5 * interval[q]:  # as rounding may have it; the indicators compare in the same way
+                y[q] = interval[q] * (level + 1.0)
+            elif u[q] < y[q] - 0.5 * interval[q]:
+                y[q] = interval[q] * (level - 1.0)
+
+    def indicators(u, interval, y, above, below):
+        for q in range(u.size):
+            above[q] = u[q] - (y[q] + 0.5 * interval[q])
+            below[q] = y[q] - 0.5 * interval[q] - u[q]
 
 
 class Switch(Block):
@@ -163,15 +175,19 @@ class Switch(Block):
     control = Input(description="what chooses")
     u_2 = Input("n?", description="signal while control is below the threshold")
     threshold = Parameter(default=0.5, description="threshold")
-    above = Indicator(description="distance of control from the threshold")
+    crossed = Indicator(crossing="rising", description="how far control is beyond the threshold")
+    above = Local(dtype=bool, unit="1", held=True, description="whether control is at or above the threshold")
     y = Output("n?", description="the chosen signal")
 
-    def outputs(u_1, control, u_2, threshold, y):
-        for q in range(y.size):
-            y[q] = u_1[q] if control >= threshold else u_2[q]
+    def outputs_above(control, threshold, above):
+        above[0] = control >= threshold
 
-    def indicators(control, threshold, above):
-        above[0] = control - threshold
+    def outputs(u_1, u_2, above, y):
+        for q in range(y.size):
+            y[q] = u_1[q] if above else u_2[q]
+
+    def indicators(control, threshold, above, crossed):
+        crossed[0] = threshold - control if above else control - threshold
 
 
 class RateLimit(Block):

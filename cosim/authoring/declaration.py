@@ -19,13 +19,17 @@ PREFIXES = {"derivatives": "d_", "update": "next_", "event": "next_"}
 
 @dataclass(frozen=True)
 class Function:
-    """One function of a block with what it reads and writes, in the order of its arguments."""
+    """One function of a block with what it reads and writes, in the order of its arguments.
+
+    held: whether what it writes stays between two communication points and events.
+    """
 
     name: str
     kind: str
     python: Callable[..., Any]
     arguments: tuple[str, ...]
     writes: frozenset[str]
+    held: bool = False
 
     @property
     def reads(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import types
+from dataclasses import replace
 from typing import Any
 
 from cosim.authoring import naming
@@ -60,8 +61,10 @@ def declare(cls: Any, compiled: bool) -> Declaration:
             continue
         functions.append(_function(declaration, name, kind, python, written, problems))
         setattr(cls, name, staticmethod(python))
-    declaration.functions = tuple(functions)
+    held = _held(declaration)
+    declaration.functions = tuple(replace(f, held=bool(f.writes) and f.writes <= held) for f in functions)
     _check_complete(declaration, problems)
+    _check_held(declaration, held, problems)
     for rule in declaration.rules:
         _check_rule(declaration, rule, problems)
     declaration.mistakes = tuple(problems.sorted())
@@ -170,6 +173,24 @@ def _check_complete(declaration: Declaration, problems: Problems) -> None:
                 message = f"block {declaration.name}: no {kind}() function computes `{variable.name}`"
                 fix = f"name `{variable.name}` as an argument of {kind}()"
                 problems.add(DeclarationError(message, naming.place_in(declaration.home, variable.name), fix))
+
+
+def _held(declaration: Declaration) -> set[str]:
+    """The names of what stays between two communication points and events."""
+    return {name for name, v in declaration.variables.items() if isinstance(v, (Output, Local)) and v.held}
+
+
+def _check_held(declaration: Declaration, held: set[str], problems: Problems) -> None:
+    """What is held has indicators that say where it jumps, and functions of its own."""
+    for name in sorted(held) if not any(declaration.of(Indicator)) else ():
+        message = f"block {declaration.name}: `{name}` is held, and no indicator says where it jumps"
+        fix = "declare an Indicator() that crosses zero there, or leave held=True out"
+        problems.add(DeclarationError(message, naming.place_in(declaration.home, name), fix))
+    for function in declaration.kind("outputs"):
+        if function.writes & held and not function.held:
+            message = f"block {declaration.name}: {function.name}() computes what is held, and what is not"
+            place = naming.place_in(declaration.home, function.name)
+            problems.add(DeclarationError(message, place, "write a function for each"))
 
 
 def _check_streams(declaration: Declaration, problems: Problems) -> None:

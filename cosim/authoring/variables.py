@@ -104,27 +104,33 @@ class Input(Variable):
 
 
 class Output(Variable):
-    """A signal that other blocks may read. `event`: for a boolean, what to report when it first becomes true."""
+    """A signal that other blocks may read. `event`: for a boolean, what to report when it first becomes true.
+
+    held: it jumps where an indicator of the block crosses zero. So it is computed at communication points and events,
+    and stays meanwhile: no stage of an integrator looks across a jump.
+    """
 
     causality = "output"
 
-    def __init__(self, *shape: int | str, event: str = "", **more: Any) -> None:
+    def __init__(self, *shape: int | str, event: str = "", held: bool = False, **more: Any) -> None:
         super().__init__(*shape, **more)
         self.event = event
+        self.held = held
 
 
 class Local(Variable):
     """A quantity that recordings, measuring blocks and other locals may read, ports may not.
 
     Also a work space, whose content lasts for a call: what is to last longer is a State. Every element is written,
-    unless it says finite=False.
+    unless it says finite=False. held: as of an `Output`.
     """
 
     causality = "local"
 
-    def __init__(self, *shape: int | str, event: str = "", **more: Any) -> None:
+    def __init__(self, *shape: int | str, event: str = "", held: bool = False, **more: Any) -> None:
         super().__init__(*shape, **more)
         self.event = event
+        self.held = held
 
 
 class State(Variable):

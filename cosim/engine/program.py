@@ -37,7 +37,6 @@ from cosim.wiring import order
 from cosim.wiring.clocks import Schedule
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
-NEVER = 1 << 62  # a tick that no run reaches
 METHODS = {
     "jacobi": jacobi.advance,
     "gauss-seidel": gauss_seidel.advance,
@@ -230,9 +229,9 @@ def build(network: Network, method: str) -> Program:
 
 
 def _clock_words(schedule: Schedule, events: int) -> np.ndarray:
-    """The clocks of blocks as the loop wants them, none of which is due yet; and those of events, which never are."""
+    """The clocks of blocks as the loop wants them, none of which is due yet; and those of events."""
     words = [[schedule.ticks(clock.period), schedule.ticks(clock.offset), 0] for clock in schedule.clocks]
-    return np.array([*words, *([[NEVER, NEVER, 0]] * events)], np.int64)
+    return np.array([*words, *([[tables.NEVER, tables.NEVER, 0]] * events)], np.int64)
 
 
 def _write_start(writer: Writer, tasks: Iterable[Task | Loop]) -> None:

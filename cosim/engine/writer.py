@@ -34,8 +34,9 @@ class Writer:
     """Appends rows, and remembers which belong to which phase.
 
     started: the row after which a state is set that a start function computes. loops: those that are solved, by row.
-    watching: the clock of an event, of components with indicators. at_end: whether a row is done at the end of a step;
-    clock: the number of the clock by which it is, from 1; 0: at every communication point.
+    clocks: their numbers, from 1. watching: those of events, of components with indicators, which are due at
+    communication points too. at_end: whether a row is done at the end of a step; clock: by which it is; 0: at every
+    communication point.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -49,7 +50,7 @@ class Writer:
         self.loops: dict[int, Loop] = {}
         self.tableaus: dict[str, int] = {}
         clocks = self.network.schedule.clocks
-        self._clocks: dict[Clock | None, int] = {None: 0, **{clock: k + 1 for k, clock in enumerate(clocks)}}
+        self.clocks: dict[Clock | None, int] = {None: 0, **{clock: k + 1 for k, clock in enumerate(clocks)}}
         self.watching = {c.name: len(clocks) + k + 1 for k, c in enumerate(self.network.watched)}
 
     def begin(self) -> int:
@@ -68,7 +69,7 @@ class Writer:
 
     def clock(self, component: Component) -> int:
         """The number of a component's clock."""
-        return self._clocks[component.clock]
+        return self.clocks[component.clock]
 
     def copy(self, to: int, source: int, size: int, clock: int = 0) -> None:
         """Copy so many bytes, in whole words."""
@@ -147,7 +148,7 @@ class Writer:
                 self._solve(task, at_end, first)
                 continue
             component = self.network.components[task.component]
-            clock = 0 if first else self._clocks[self.network.clock(task)]
+            clock = 0 if first else _clock_of(self, task)
             if task.function:
                 self.call(component, self.network.function(task), at_end=at_end, clock=clock)
             else:
@@ -160,7 +161,7 @@ class Writer:
         """
         row = len(self.rows)
         network, tasks = self.network, loop_.tasks
-        clocks = {signal: self._clocks[network.clock(task)] for task in tasks for signal in network.written(task)}
+        clocks = {signal: _clock_of(self, task) for task in tasks for signal in network.written(task)}
         due = tables.ALL_FIRST if first else tables.AS_CLOCKS_SAY
         self._row(tables.SOLVE, self.layout.unknowns(loop_, clocks), c=due, at_end=at_end)
         self.loops[row] = loop_
@@ -197,8 +198,8 @@ class Writer:
     def forget(self, component: Component, port: str) -> None:
         """Begin the history of an input anew where a sampled block is due that it depends on: then it jumps."""
         for clock in jumps.behind(self.network, component, port).clocks:
-            if clock in self._clocks:  # else it is due after the end
-                self._row(tables.FORGET, self.layout.histories[Signal(component.name, port)], clock=self._clocks[clock])
+            if clock in self.clocks:  # else it is due after the end
+                self._row(tables.FORGET, self.layout.histories[Signal(component.name, port)], clock=self.clocks[clock])
 
     def recall(self, component: Component, at_end: bool = False) -> None:
         """Give the inputs that are read late or extrapolated their values at the time of a stage."""
@@ -229,6 +230,14 @@ class Writer:
         for function in (*order.needed_outputs(component), *component.declaration.kind("derivatives")):
             self.call(component, function, stage=True, hidden=hidden)
         return self.end(begin)
+
+
+def _clock_of(writer: Writer, task: Task) -> int:
+    """The number of the clock by which a task is done: that of its block's events, if it is held until one."""
+    component = writer.network.components[task.component]
+    if component.is_sampled or not writer.network.is_held(task):
+        return writer.clocks[writer.network.clock(task)]
+    return writer.watching.get(task.component, 0)
 
 
 def _as_seen(component: Component, argument: str, place: Place | None) -> Place | None:

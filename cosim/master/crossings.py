@@ -9,8 +9,8 @@
 The last time before and the first after a crossing are found by the Illinois method, to within rounding of the time.
 The event is at the latter, where what is reset may lie a rounding error beyond zero and on its way back: hence the
 moment, in which a crossing back that is none of those that count may be followed by one that does. No other sign is
-taken from it, as others may cross in it. An indicator that is zero has the sign that it had. One source, two engines,
-as in `loop.py`.
+taken from it, as others may cross in it. An indicator that is zero has the sign that it had; at first, that from which
+it may cross so that it counts. One source, two engines, as in `loop.py`.
 """
 
 from __future__ import annotations
@@ -191,9 +191,9 @@ def happen(c: Any, base: int, time: float) -> int:
     """The event at a time (s) at which indicators have crossed, and those that it causes. Returns the status."""
     c[LEFT], c[HAPPENED] = 0, 1
     for _ in range(MOST_ROUNDS):
+        hush(c, base)
         strike_crossed(c, base)
         status = perform(c, base, EVENT, EVENT, time)
-        hush(c, base)
         if status <= WARNING:
             status = perform(c, base, EVENTS, SETTLE, time)
         if status <= WARNING and c[AGAIN] != 0:
@@ -206,6 +206,7 @@ def happen(c: Any, base: int, time: float) -> int:
             return status
         if not has_crossed(c, base):
             note(c, base, WAS)
+            hush(c, base)
             forget_all(c, base)
             return perform(c, base, KEEP, KEEP, time)
     return RESTLESS
@@ -253,11 +254,13 @@ def crosses(was: float, z: float, wanted: float) -> float:
 
 
 def note(c: Any, base: int, vector: int) -> None:
-    """Keep the indicators as they are; one that is zero is next to it on the side where it was, and the crossing ahead."""
+    """Keep the indicators as they are; one that is zero is next to it on the side where it was, or whence it counts."""
     n = c[N_INDICATORS]
-    z, kept = reals_at(base + c[Z], n), reals_at(base + c[vector], n)
+    z, kept, wanted = reals_at(base + c[Z], n), reals_at(base + c[vector], n), reals_at(base + c[WANTED], n)
     for j in range(n):
         if z[j] != 0.0:
             kept[j] = z[j]
         elif kept[j] != 0.0:
             kept[j] = math.copysign(BESIDE, kept[j])
+        else:
+            kept[j] = -wanted[j] * BESIDE

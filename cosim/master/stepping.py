@@ -25,6 +25,7 @@ from cosim.master.tables import (
     KIND,
     LEFT,
     N_CLOCKS,
+    NEVER,
     OFFSET,
     OK,
     ORIGIN,
@@ -59,11 +60,11 @@ def next_point(c: Any, base: int, k: int) -> int:
 
 
 def strike(c: Any, base: int, k: int) -> None:
-    """Note which clocks are due at tick k."""
+    """Note which clocks are due at tick k: those of events are at every point."""
     for j in range(c[N_CLOCKS]):
         clock = words_at(base + c[CLOCKS] + j * CLOCK_WORDS * 8, CLOCK_WORDS)
         since = k - clock[OFFSET]
-        clock[DUE] = 1 if since >= 0 and since % clock[PERIOD] == 0 else 0
+        clock[DUE] = 1 if clock[OFFSET] == NEVER or (since >= 0 and since % clock[PERIOD] == 0) else 0
 
 
 def hush(c: Any, base: int) -> None:

@@ -56,9 +56,10 @@ SYSTEMS_WORDS = 4
 SYSTEM_VECTORS = 4
 SYSTEMS, SYSTEM_SIZE, SYSTEM_WORK, TIMED = range(SYSTEMS_WORDS)
 
-# A clock, in ticks, and whether it is due at the communication point.
+# A clock, in ticks, and whether it is due at the communication point. One of events has a tick that no run reaches.
 CLOCK_WORDS = 3
 PERIOD, OFFSET, DUE = range(CLOCK_WORDS)
+NEVER = 1 << 62
 
 # Indicators of a component: the first and the one after the last among all, and the number of the clock that is due
 # where one has crossed zero.

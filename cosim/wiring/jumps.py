@@ -65,6 +65,8 @@ def behind(network: Network, component: Component, port: str) -> Behind:
         if there.is_late(signal.variable):
             shift += there.couplings[signal.variable].shift
             echoes[signal] += 1
+        writer = there.declaration.writer(signal.variable)
+        strikes |= writer is not None and writer.held
         reads, changes = _reads(network, signal)
         flows |= changes
         for read in reads if echoes[signal] <= ECHOES else ():

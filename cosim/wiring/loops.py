@@ -137,7 +137,7 @@ def _cost(
     network: Network, task: Task, signals: Iterable[Signal], place: Mapping[str, int]
 ) -> tuple[bool, bool, tuple[bool, int], bool, int, str]:
     """What is worse to guess: what is held, what nobody has guessed, what is large, and what is only joined."""
-    held = network.components[task.component].is_sampled
+    held = network.is_held(task)
     weight = _weight(network, signals)
     guessed = _is_guessed(network, signals)
     return held, not guessed, weight, not task.function, place[task.component], task.function

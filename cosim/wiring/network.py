@@ -273,6 +273,11 @@ class Network:
         component = self.components[task.component]
         return component.clock if (component.is_sampled if task.function else component.samples_inputs) else None
 
+    def is_held(self, task: Task) -> bool:
+        """Whether a task is done at communication points and events only."""
+        component = self.components[task.component]
+        return component.is_sampled or bool(task.function and self.function(task).held)
+
     def read(self, task: Task) -> list[Signal]:
         """What a task reads; a join, its sources."""
         component = self.components[task.component]

@@ -38,12 +38,12 @@ def initial_order(network: Network) -> list[Task | Loop]:
 
 
 def needed_outputs(component: Component) -> list[Function]:
-    """The `outputs` functions whose results `derivatives` reads, directly or through others, in order."""
+    """The `outputs` functions whose results `derivatives` reads, directly or through others, and are not held."""
     declaration = component.declaration
     wanted = {a for f in declaration.kind("derivatives") for a in f.reads}
     needed = []
     for function in reversed(declaration.kind("outputs")):
-        if wanted & function.writes:
+        if wanted & function.writes and not function.held:
             needed.append(function)
             wanted |= set(function.reads)
     return needed[::-1]
@@ -154,8 +154,7 @@ class _Ways:
         return [s.whole for port, sources in component.wires.items() if not component.is_late(port) for s in sources]
 
     def _is_free(self, task: Task) -> bool:
-        component = self.network.components[task.component]
-        return not has_turn(component) and not component.is_sampled
+        return not has_turn(self.network.components[task.component]) and not self.network.is_held(task)
 
     def _origins(self, signals: list[Signal]) -> set[str]:
         """What signals depend on. Of the time by itself only where on no block: else it moves on with the blocks."""
@@ -290,9 +289,9 @@ def _sorted(network: Network, graph: Graph) -> list[Task | Loop]:
 
 
 def continuous(network: Network, order: Iterable[Task | Loop]) -> Iterator[Task | Loop]:
-    """What of an order is evaluated between two communication points, where sampled blocks hold what they gave."""
+    """What of an order is evaluated between two communication points, where the rest is held."""
     for item in order:
-        left = tuple(task for task in flat([item]) if not network.components[task.component].is_sampled)
+        left = tuple(task for task in flat([item]) if not network.is_held(task))
         if left:
             yield Loop(left, item.torn) if isinstance(item, Loop) else item
 

@@ -1,6 +1,18 @@
 import pytest
 
-from cosim import Block, CalculatedParameter, Input, Local, Measure, Output, Parameter, State, condition, rule
+from cosim import (
+    Block,
+    CalculatedParameter,
+    Indicator,
+    Input,
+    Local,
+    Measure,
+    Output,
+    Parameter,
+    State,
+    condition,
+    rule,
+)
 from cosim.errors import DeclarationError
 from tests.signal_blocks import Counter, Lag
 
@@ -127,6 +139,33 @@ def test_what_is_integrated_is_finite():
             next_x[0] = 1.0 / x
 
     assert not Sampled.declaration.mistakes
+
+
+def test_what_is_held_jumps_where_an_indicator_says():
+    with pytest.raises(DeclarationError, match="`side` is held, and no indicator says where it jumps") as caught:
+
+        class Nowhere(Block):
+            u = Input()
+            side = Local(held=True)
+
+            def outputs(u, side):
+                side[0] = 1.0 if u > 0.0 else -1.0
+
+    assert "declare an Indicator()" in caught.value.fix
+    with pytest.raises(DeclarationError, match=r"outputs\(\) computes what is held, and what is not"):
+
+        class Mixed(Block):
+            u = Input()
+            side = Local(held=True)
+            zero = Indicator()
+            y = Output()
+
+            def outputs(u, side, y):
+                side[0] = 1.0 if u > 0.0 else -1.0
+                y[0] = u
+
+            def indicators(u, zero):
+                zero[0] = u
 
 
 @pytest.mark.parametrize("kind", ["float32", "int64", "bool"])
