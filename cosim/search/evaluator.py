@@ -47,7 +47,7 @@ class Evaluator:
         self.draws = self.variants.draws_of(space)
         self.done = self.ran = 0
         self.count = threads or parallel.processors()
-        self._origin = executors.StudyFile(str(study.path.resolve()), tuple(settings))
+        self.origin: executors.Origin = executors.StudyFile(str(study.path.resolve()), tuple(settings))
         self._watch = watch
         self._store = Store(folder / "runs.jsonl")
         self._submit: Submit | None = None
@@ -81,7 +81,7 @@ class Evaluator:
         return executor.submit(member_run.run, self.variants, chosen, None, watch, prepared)
 
     def _elsewhere(self, executor: Executor, chosen: Member, prepared: Prepared) -> Future[Row]:
-        return executor.submit(executors.run_elsewhere, self._origin, chosen, None, prepared.key)
+        return executor.submit(executors.run_elsewhere, self.origin, chosen, None, prepared.key)
 
     def rows(self, points: Sequence[Settings], until: float | None = None) -> list[Row]:
         """The row of each point, as a study has it; until: as of `Member`. Raises: KeyboardInterrupt, ResultError."""

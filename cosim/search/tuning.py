@@ -21,18 +21,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.accuracy import refinement
-from cosim.accuracy.refinement import Refinement
-from cosim.errors import CosimError, Position
-from cosim.language import source
+from cosim.errors import CosimError
 from cosim.search import descent
 from cosim.search.evaluator import Evaluator
+from cosim.search.finer import finer
 from cosim.search.worth import HEAVY, LOST, Worth, Yardstick, changed_by, objective
 from cosim.study.definition import Tuning
 from cosim.study.member_run import Row
 from cosim.study.variants import Settings, value_at
 
-TENTH = Refinement(steps=10)
 SPREAD = 0.2
 GENERATIONS = 1000
 
@@ -73,7 +70,7 @@ class TuningRun:
         kept = len(starts) - tuning.held_out
         self._starts, self._held = starts[:kept], starts[kept:]
         self._runs, self._deadline, self._seed = runs, time.monotonic() + seconds, seed
-        self._finer = _finer(evaluator)
+        self._finer = finer(evaluator)
         self.spent = 0
 
     def run(self) -> tuple[Candidate, Candidate | None]:
@@ -160,22 +157,3 @@ class TuningRun:
         rows = self._evaluator.rows([(*start, *own) for own in settings for start in self._starts])
         self.spent += len(rows)
         return [rows[k : k + size] for k in range(0, len(rows), size)]
-
-
-def _finer(evaluator: Evaluator) -> Settings | None:
-    """What gives a run a tenth of the step; None where it cannot have it, or would be another system."""
-    network = evaluator.variants.base(evaluator.variant)
-    if refinement.sampled_by_the_step(network):
-        return None
-    found = []
-    for text in refinement.settings(network, TENTH):
-        path, _, value = text.partition("=")
-        place = Position(f"--set {text}")
-        evaluator.variants.positions.setdefault(path, place)
-        found.append((path, source.parse_value(value, place).value))
-    settings = tuple(found)
-    try:
-        evaluator.variants.wire(evaluator.variant, settings)
-    except CosimError:
-        return None
-    return settings

@@ -171,6 +171,59 @@ class Tuning:
 
 
 @dataclass(frozen=True)
+class Measured:
+    """A signal, or an element of it, that has been measured. column: of the data, in `unit`; None: that of the signal.
+
+    deviation: the standard deviation of its noise; nominal: what counts as one where none is known. Both in that unit.
+    """
+
+    signal: str
+    index: tuple[int, ...]
+    column: Node
+    unit: str | None
+    deviation: float | None
+    nominal: float
+    node: Node
+
+    @property
+    def label(self) -> str:
+        """How it is written."""
+        return f"{self.signal}[{', '.join(map(str, self.index))}]" if self.index else self.signal
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What is fitted: over `space`, so that runs come near the measured columns of the file `data`, at its `time`."""
+
+    space: Random
+    data: Node
+    time: Node
+    measured: tuple[Measured, ...]
+    starts: int
+    runs: int
+    node: Node
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What is looked at of each run: signals as written, block.port, with elements from 1, at times (k,) in s.
+
+    Between two samples of a run, it is on the straight line that joins them.
+    """
+
+    signals: tuple[tuple[str, tuple[int, ...]], ...]
+    times: np.ndarray
+
+    def of(self, times: np.ndarray, samples: Mapping[str, np.ndarray]) -> list[list[float]]:
+        """The values of each signal from samples (k, *shape)."""
+        found = []
+        for signal, index in self.signals:
+            chosen: tuple[Any, ...] = (slice(None), *(number - 1 for number in index))
+            found.append(np.interp(self.times, times, samples[signal][chosen].astype(float)).tolist())
+        return found
+
+
+@dataclass(frozen=True)
 class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
@@ -227,6 +280,7 @@ class Study:
     metrics: the names to keep, None for all.
     classes: those of a program's that diagrams may name with `block:`.
     record: None, or what replaces the diagram's own recording, which an empty mapping leaves as it is.
+    sighting: what is looked at of each run, which no file says by itself.
     """
 
     title: str
@@ -241,12 +295,21 @@ class Study:
     requirements: Node | None = None
     search: Search | None = None
     tuning: Tuning | None = None
+    fit: Fit | None = None
+    sighting: Sighting | None = None
     record: Node | None = None
     tables: tuple[TableLayout, ...] = ()
     references: tuple[Reference, ...] = ()
     question: Question | None = None
     figures: list[Figure] = field(default_factory=list)
     classes: Mapping[str, type[Block]] = field(default_factory=dict)
+
+    @property
+    def spaces(self) -> tuple[Random, ...]:
+        """What is drawn, searched, tuned and fitted over."""
+        sections = (self.search, self.tuning, self.fit)
+        found = (self.random, *(section.space for section in sections if section))
+        return tuple(space for space in found if space)
 
     @property
     def records(self) -> bool:

@@ -59,16 +59,26 @@ class Draws:
         found = self._settings(self._mapped(point))
         return found if self._accepts(found) else None
 
-    def point_of(self, value: Callable[[str], Any]) -> np.ndarray:
-        """The point (size,) of the unit cube at given uniform values, by path; at its bounds for those beyond.
+    def numbers_at(self, point: np.ndarray) -> np.ndarray:
+        """The numbers (size,) at a point of the unit cube (size,)."""
+        return self._mapped(point)
 
-        Where one number is drawn for what has several, it is their mean.
-        """
+    def point_of(self, value: Callable[[str], Any]) -> np.ndarray:
+        """The point (size,) of the unit cube at given uniform values, by path; at its bounds for those beyond."""
+        parts, at = [], 0
+        numbers = self.numbers_of(value)
+        for draw, shape, size in zip(self._random.draws, self._shapes, self._sizes, strict=True):
+            given = numbers[at : at + size].reshape(shape)
+            parts.append(np.clip((given - draw.a) / (draw.b - draw.a), 0.0, 1.0).reshape(-1))
+            at += size
+        return np.concatenate(parts)
+
+    def numbers_of(self, value: Callable[[str], Any]) -> np.ndarray:
+        """The given values, by path, as numbers (size,); where one is drawn for what has several, it is their mean."""
         parts = []
         for draw, shape in zip(self._random.draws, self._shapes, strict=True):
             given = np.asarray(value(draw.paths[0]), float)
-            given = np.broadcast_to(given if given.shape == shape else np.mean(given), shape)
-            parts.append(np.clip((given - draw.a) / (draw.b - draw.a), 0.0, 1.0).reshape(-1))
+            parts.append(np.broadcast_to(given if given.shape == shape else np.mean(given), shape).reshape(-1))
         return np.concatenate(parts)
 
     @property

@@ -43,10 +43,13 @@ def run(
     outcome = run.execute(watch)
     if isinstance(outcome.error, ResultError):
         raise outcome.error
+    row |= _kept(outcome)
     if member.until is not None:
         whole = run.steps == prepared.network.diagram.run.steps
         row["bounds"] = {name: for_json(one.bound(whole)) for name, one in run.reductions.monitors.items()}
-    return {**row, **_kept(outcome)}
+    if variants.study.sighting and run.samples:
+        row["observed"] = variants.study.sighting.of(*run.samples.flat())
+    return row
 
 
 def lost(reason: str) -> Row:
@@ -69,7 +72,8 @@ def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepar
         _remove_damaged(file)
         return Run(network, output=file, attributes={MARK: prepared.key})
     until = math.inf if member.until is None else member.until
-    return Run(prepared.network, prepared=(prepared.program, prepared.kernels), until=until)
+    kept = variants.study.sighting is not None
+    return Run(prepared.network, prepared=(prepared.program, prepared.kernels), kept=kept, until=until)
 
 
 def _remove_damaged(file: Path) -> None:

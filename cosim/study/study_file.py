@@ -25,8 +25,16 @@ from cosim.language.keys import ADDS, NAMED, RECORD, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
 from cosim.plot import figures
-from cosim.study import consistency, grid_section, random_section, search_section, tables_section, tune_section
-from cosim.study.definition import Question, Reference, Search, Study, Tuning, Variant
+from cosim.study import (
+    consistency,
+    fit_section,
+    grid_section,
+    random_section,
+    search_section,
+    tables_section,
+    tune_section,
+)
+from cosim.study.definition import Fit, Question, Reference, Search, Study, Tuning, Variant
 from cosim.study.study_keys import EXPLAIN, OVERLAY, STUDY
 
 
@@ -100,6 +108,7 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study.metrics, study.added_metrics = _metrics(sections.get("metrics"), reader)
     study.search = _search(sections["search"], reader) if "search" in sections else None
     study.tuning = _tuning(sections["tune"], reader) if "tune" in sections else None
+    study.fit = _fit(sections["fit"], reader) if "fit" in sections else None
     study.requirements = sections.get("requirements")
     study.record = _record(sections.get("record"), reader)
     study.tables = tables_section.read(_entries(sections, "tables"), study, reader)
@@ -118,6 +127,11 @@ def _search(node: Node, reader: Reader) -> Search | None:
 def _tuning(node: Node, reader: Reader) -> Tuning | None:
     space = random_section.space(node, "tune", reader)
     return tune_section.read(node, space, reader)
+
+
+def _fit(node: Node, reader: Reader) -> Fit | None:
+    space = random_section.space(node, "fit", reader)
+    return fit_section.read(node, space, reader)
 
 
 def _entries(sections: Mapping[str, Node], key: str) -> dict[str, Node]:

@@ -11,6 +11,7 @@ from cosim.language.keys import (
     DIAGRAM,
     NAMED,
     NUMBER,
+    POSITIVE,
     TEXT,
     TRUTH,
     Key,
@@ -67,6 +68,23 @@ TUNE: dict[str, Key] = {
     "runs": Key("how many runs at most", count(MOST_MEMBERS), 1000),
     "seed": RANDOM["seed"],
 }
+MEASURED: dict[str, Key] = {
+    "column": Key("the column of the data that has it", TEXT),
+    "unit": Key("of that column; none: the signal's", TEXT),
+    "deviation": Key("the standard deviation of its noise; none: found from the residuals", POSITIVE),
+    "nominal": Key("what counts as one beside other columns, where no deviation is known", POSITIVE, 1.0),
+}
+FIT: dict[str, Key] = {
+    "over": Key("what is free, by path: {uniform: [least, most]}", below=NAMED),
+    "data": Key("the measured table, a CSV file", TEXT),
+    "time": Key("its column of times", TEXT, "time", unit="s"),
+    "signals": Key("what is measured, block.port or block.port[1]: {column: …}", below=NAMED),
+    "starts": Key(
+        "from how many points it is searched: the diagram's values, and others within the bounds", count(), 4
+    ),
+    "runs": Key("how many runs at most", count(MOST_MEMBERS), 1000),
+    "seed": RANDOM["seed"],
+}
 COLUMN: dict[str, Key] = {
     "metric": Key("which metric; or step_time, the wall-clock time of a step (us)", ANYTHING),
     "over": Key("how draws are reduced: a statistic, a quantile from 0 to 1, or [mean, std]", ANYTHING),
@@ -95,6 +113,7 @@ STUDY: dict[str, Key] = {
     "random": Key("what is drawn at random", below=RANDOM),
     "search": Key("where `cosim falsify` looks for what violates a requirement", below=SEARCH),
     "tune": Key("what `cosim tune` changes, and what for", below=TUNE),
+    "fit": Key("what `cosim fit` changes, and the measurements that runs are to come near", below=FIT),
     "metrics": Key("names of those to keep, or definitions of further ones", ANYTHING),
     "requirements": DIAGRAM["requirements"],
     "record": Key("true, or what is recorded of each run", ANYTHING),

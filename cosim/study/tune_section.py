@@ -20,13 +20,8 @@ def read(node: Node, space: Random | None, reader: Reader) -> Tuning | None:
     entries = node.value
     if "minimise" not in entries:
         reader.problems.add(MissingKey("`tune` has no `minimise`", node.place, "name a metric, such as minimise: e_x"))
-    if space is None or "minimise" not in entries:
+    if space is None or "minimise" not in entries or not is_bounded(space, "tune", reader):
         return None
-    for draw in space.draws:
-        if draw.normal or not np.all(draw.a < draw.b):
-            message = f"`tune.over.{','.join(draw.paths)}` is free between two bounds"
-            reader.problems.add(WrongValue(message, draw.node.place, "write {uniform: [least, most]}"))
-            return None
     objective = entries["minimise"]
     if not reader.text(objective, "tune.minimise"):
         return None
@@ -37,6 +32,16 @@ def read(node: Node, space: Random | None, reader: Reader) -> Tuning | None:
     given = {key: read_value(TUNE[key], entries[key], f"tune.{key}", reader) for key in _PLAIN if key in entries}
     values = {key: given.get(key, TUNE[key].default) for key in _PLAIN}
     return Tuning(space, objective, _bounds(entries, reader), **values, node=node)
+
+
+def is_bounded(space: Random, section: str, reader: Reader) -> bool:
+    """Whether all that is free is so between two bounds, else a report."""
+    for draw in space.draws:
+        if draw.normal or not np.all(draw.a < draw.b):
+            message = f"`{section}.over.{','.join(draw.paths)}` is free between two bounds"
+            reader.problems.add(WrongValue(message, draw.node.place, "write {uniform: [least, most]}"))
+            return False
+    return True
 
 
 _PLAIN = ("conditions", "accuracy", "held_out", "runs")

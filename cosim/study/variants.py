@@ -109,8 +109,7 @@ class Variants:
         self._changes = {(axis.paths[0], change.name): change for axis in study.grid for change in axis.changes}
         self._crossed = {path for path, _ in self._changes}
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
-        spaces = [study.random, *(section.space for section in (study.search, study.tuning) if section)]
-        drawn = {path: d.node.place for space in spaces if space for d in space.draws for path in d.paths}
+        drawn = {path: d.node.place for space in study.spaces for d in space.draws for path in d.paths}
         self.positions = {**grid, **drawn}
 
     def check(self) -> None:
@@ -129,9 +128,7 @@ class Variants:
         problems.raise_if_any()
         consistency.check_against(self.study, self._bases, problems)
         point = plan.grid_settings(self.study, (0,) * len(self.study.grid))
-        sections = [section for section in (self.study.search, self.study.tuning) if section]
-        spaces = [self.study.random, *(section.space for section in sections)]
-        draws = [problems.attempt(self.draws_of, space) if space else None for space in spaces]
+        draws = [None, *(problems.attempt(self.draws_of, space) for space in self.study.spaces)]
         for name, drawn in itertools.product(self.study.variants, draws):
             try:
                 self.wire(name, (*point, *(drawn.typical() if drawn else ())))

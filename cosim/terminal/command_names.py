@@ -13,6 +13,7 @@ COMMANDS = {
     "study": "run many variants, grid points and random draws of a diagram",
     "falsify": "search for a run that violates a requirement, and check whether it is real",
     "tune": "find better values of parameters, within bounds, checked with a smaller step",
+    "fit": "find the values of parameters with which a diagram comes nearest to measurements, with their intervals",
     "sensitivity": "say how much of a figure's variance each drawn value explains",
     "report": "run studies, and write one HTML file with their tables and pictures",
     "plot": "draw recorded signals, or animate a run",
