@@ -26,10 +26,10 @@ from cosim.report import found_section, words
 from cosim.results.result_file import open_result
 from cosim.results.software_versions import versions
 from cosim.results.text_table import TextTable
-from cosim.study import file_names, found, kept, running, text_tables
-from cosim.study.dataset import scalar
+from cosim.study import file_names, found, kept, known, row_figures, running, text_tables
 from cosim.study.definition import Study
 from cosim.study.member_run import Row
+from cosim.study.row_figures import scalar
 from cosim.study.running import Results
 
 HEAD_BYTES = 4096  # of a page, in which it says what made it
@@ -115,6 +115,8 @@ def _section(results: Results, pictures: Pictures) -> str:
     parts.append(_list([*words.events(rows), *(f"{sentence}." for sentence in running.broken(rows))]))
     if judged := kept.table(study, rows):
         parts.append(_table(judged))
+    if drawn_for := known.table(study, rows):
+        parts.append(_table(drawn_for))
     if study.question:
         parts += ["<h3>How often, and why not always</h3>", _list(words.explanation(study, rows))]
     parts += _pictures(results, rows, pictures)
@@ -217,7 +219,7 @@ def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, dict[str, n
     """For each point of the grid the values of a metric in each variant."""
     found: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
-        point = ", ".join(f"{axis.name} = {text_tables.label(study, row, axis.name)}" for axis in study.grid)
+        point = ", ".join(f"{axis.name} = {row_figures.label(study, row, axis.name)}" for axis in study.grid)
         found.setdefault(point, {}).setdefault(row["variant"], []).append(scalar(row["metrics"].get(metric)))
     return {point: {name: np.array(v, float) for name, v in groups.items()} for point, groups in found.items()}
 

@@ -13,8 +13,9 @@ from cosim.results.formatting import format_value
 from cosim.study import kept
 from cosim.study.definition import Question, Study, TableColumn
 from cosim.study.member_run import Row
+from cosim.study.row_figures import number, satisfies
 from cosim.study.running import FAILED
-from cosim.study.text_tables import cell, heading, number, satisfies, with_statistic
+from cosim.study.text_tables import cell, heading, with_statistic
 
 AGREES = 0.1
 """Relative difference up to which two figures are called the same."""

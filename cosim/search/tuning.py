@@ -32,6 +32,8 @@ from cosim.study.variants import Settings, value_at
 
 SPREAD = 0.2
 GENERATIONS = 1000
+WORTH_CHECKING = 0.01
+"""Of the cost of the best so far, by which another has to be cheaper for a run with a tenth of the step."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ class TuningRun:
         costs = [LOST if place is None else worth.cost for place, worth in zip(places, worths, strict=True)]
         best: Candidate | None = None
         for k in sorted(range(len(costs)), key=lambda k: costs[k]):
-            if costs[k] >= limit or worths[k].broken:
+            if costs[k] >= limit * (1.0 - WORTH_CHECKING) or worths[k].broken:
                 break
             candidate = self._checked(settings[k], rows[k])
             costs[k] = candidate.worth.cost

@@ -6,7 +6,18 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
-from cosim.errors import MetricError, PlotError, Position, Problems, TooLarge, UnknownSetting, WrongValue, nearest
+from cosim.errors import (
+    CosimError,
+    DiagramErrors,
+    MetricError,
+    PlotError,
+    Position,
+    Problems,
+    TooLarge,
+    UnknownSetting,
+    WrongValue,
+    nearest,
+)
 from cosim.language.source import Node
 from cosim.plot.figures import Figure
 from cosim.study import file_names, plan
@@ -122,9 +133,21 @@ def check_against(study: Study, bases: Mapping[str, Network], problems: Problems
         elif shape := _shape(str(node.value), bases):
             message = f"{where}: the metric `{node.value}` has the shape {shape}, and a table takes single numbers"
             problems.add(MetricError(message, node.position, "reduce it with max, min, mean or rms"))
+    problems.add(DiagramErrors(_without_limit(study, bases)))
     members = set(plan.names(study)) if any(figure.members for figure in study.figures) else set()
     for figure in study.figures:
         _figure(figure, study, bases, members, problems)
+
+
+def _without_limit(study: Study, bases: Mapping[str, Network]) -> list[CosimError]:
+    """The metrics of `until` that do not say what a violation is."""
+    required = {name for network in bases.values() for name in network.diagram.requirements}
+    metrics = {name for network in bases.values() for name in network.diagram.metrics}
+    return [
+        WrongValue(f"`until.{until.name}` does not say what a violation is", until.node.place, "write below: or above:")
+        for until in study.until
+        if until.above is None and until.below is None and until.name in metrics - required
+    ]
 
 
 def _metric_names(study: Study, bases: Mapping[str, Network], problems: Problems) -> None:
@@ -152,6 +175,8 @@ def _named_metrics(
         yield from ((f"`tables.{table.title}`", column.metric, [*known, STEP_TIME]) for column in table.columns)
     if study.question:
         yield "`explain`", study.question.metric, list(bases[study.question.baseline].diagram.figures)
+    for until in study.until:
+        yield "`until`", Node(until.name, until.node.place), known
     for figure in study.figures:
         if figure.distribution:
             yield f"`figures.{figure.name}`", Node(figure.distribution.metric, figure.position), known

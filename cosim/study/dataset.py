@@ -18,6 +18,7 @@ from cosim.results.software_versions import versions
 from cosim.study.definition import Study
 from cosim.study.dotted_paths import short_name
 from cosim.study.member_run import Row
+from cosim.study.row_figures import is_events
 from cosim.study.running import Results
 from cosim.wiring import required, windows
 
@@ -79,13 +80,6 @@ def netcdf_name(name: str) -> str:
     return name.replace("/", ".")
 
 
-def scalar(value: Any) -> float | None:
-    """A metric as one number: events are counted; None where there is none."""
-    if isinstance(value, bool | int | float):
-        return float(value)
-    return float(len(value)) if _is_events(value) else None
-
-
 def _coordinates(study: Study) -> dict[str, Variable]:
     found: dict[str, Variable] = {"variant": (("variant",), np.array(list(study.variants), object), {})}
     for axis in study.grid:
@@ -130,7 +124,7 @@ def _put(column: Any, at: int, name: str, value: Any, about: dict[str, str], sha
 
     shape: that of the largest member; of a smaller one the first elements are there, the others NaN.
     """
-    if _is_events(value):
+    if is_events(value):
         column(name, np.nan, float, {"long_name": "number of events"})[at] = len(value)
         column(f"{name}_events", "", object, {"long_name": "events as JSON"})[at] = json.dumps(value)
         return
@@ -140,16 +134,12 @@ def _put(column: Any, at: int, name: str, value: Any, about: dict[str, str], sha
         target[(at, *map(slice, array.shape))] = array
 
 
-def _is_events(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(item, dict) for item in value)
-
-
 def _shapes(rows: Iterable[Row]) -> dict[str, tuple[int, ...]]:
     """For each metric the least shape into which every member's array fits; further axes come before an array's own."""
     shapes: dict[str, tuple[int, ...]] = {}
     for row in rows:
         for name, value in row["metrics"].items():
-            own = () if value is None or _is_events(value) else np.shape(value)
+            own = () if value is None or is_events(value) else np.shape(value)
             known = shapes.setdefault(name, own)
             rank = max(len(own), len(known))
             pairs = zip(*((1,) * (rank - len(shape)) + shape for shape in (own, known)), strict=True)

@@ -141,6 +141,22 @@ class Random:
 
 
 @dataclass(frozen=True)
+class Sought:
+    """A probability that a study draws for until it is known: of `name` being violated, a requirement, or a metric.
+
+    above, below: beyond which a metric counts as that. Draws end where the probability is surely less, or surely more,
+    than `probability`; confidence: in that, at whichever draw it is.
+    """
+
+    name: str
+    above: float | None
+    below: float | None
+    probability: float
+    confidence: float
+    node: Node
+
+
+@dataclass(frozen=True)
 class Search:
     """Where violations are looked for. space: what is varied, as of one draw; runs: at most, for each requirement.
 
@@ -228,8 +244,7 @@ class TableColumn:
     """One figure of a table: a metric, reduced over what the rows leave open.
 
     statistic: one of STATISTICS, or a quantile from 0 to 1; None for that of OVER_RUNS. above, below: the share of runs
-    beyond a limit instead. deviation: whether the standard deviation stands behind it, which is a mean then. interval:
-    whether the bounds of its probability stand behind a share.
+    beyond a limit instead. deviation: whether the standard deviation stands behind it, which is a mean then.
     """
 
     heading: str
@@ -239,7 +254,6 @@ class TableColumn:
     below: float | None = None
     format: str = ".3g"
     deviation: bool = False
-    interval: bool = False
 
 
 @dataclass(frozen=True)
@@ -293,6 +307,7 @@ class Study:
     metrics: tuple[Node, ...] | None = None
     added_metrics: Node | None = None
     requirements: Node | None = None
+    until: tuple[Sought, ...] = ()
     search: Search | None = None
     tuning: Tuning | None = None
     fit: Fit | None = None

@@ -24,7 +24,8 @@ TRIALS = 10_000
 class Draws:
     """The draws of a study, found when they are asked for, each kept as one row of numbers.
 
-    shapes: of the value behind each draw. accepts: whether the values (path, nested list) may be used.
+    count: how many count, at most as many as the study says. shapes: of the value behind each draw. accepts: whether
+    the values (path, nested list) may be used.
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class Draws:
         self.settings(self.count - 1)
         at = 0
         for draw, shape, size in zip(self._random.draws, self._shapes, self._sizes, strict=True):
-            yield draw, self._rows[:, at : at + size].reshape(self.count, *shape)
+            yield draw, self._rows[: self.count, at : at + size].reshape(self.count, *shape)
             at += size
 
     def _next(self, number: int) -> np.ndarray:

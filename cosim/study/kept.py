@@ -11,7 +11,7 @@ from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.results.text_table import TextTable
 from cosim.study.definition import Study
-from cosim.study.member_run import Row
+from cosim.study.row_figures import Row
 
 CONFIDENCE = 0.95
 
@@ -52,11 +52,16 @@ def interval(count: int, trials: int) -> tuple[float, float]:
     return low, high
 
 
+def draws_are_trials(study: Study) -> bool:
+    """Whether draws are independent trials: others fill the space evenly, and `until` looks at what they gave."""
+    return study.random is not None and study.random.method == "random" and not study.until
+
+
 def tallies(study: Study, rows: Iterable[Row]) -> dict[tuple[str, str], Tally]:
     """Each requirement over all runs that judge it, by its name and the variant."""
     found: dict[tuple[str, str], Tally] = {}
     runs: dict[str, int] = {}
-    independent = study.random is not None and study.random.method == "random"  # other draws fill the space evenly
+    independent = draws_are_trials(study)
     for row in rows:
         runs[row["variant"]] = runs.get(row["variant"], 0) + 1
         for name, (holds, place) in row.get("requirements", {}).items():  # rows of earlier versions have none

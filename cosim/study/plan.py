@@ -58,14 +58,14 @@ def variant_of(study: Study, name: str) -> str:
     return name.rsplit("-", len(study.dimensions) - 1)[0] if len(study.dimensions) > 1 else name
 
 
-def members(study: Study, draws: Draws | None) -> Iterator[Member]:
-    """All members, made one by one; `draws` are those of the study, None if it has none."""
+def members(study: Study, draws: Draws | None, first: int = 0) -> Iterator[Member]:
+    """All members, made one by one, of draws from `first`; `draws` are those of the study, None if it has none."""
     for variant, point in _points(study):
         chosen = grid_settings(study, point)
         if draws is None:
             yield Member(variant, point, None, chosen)
             continue
-        for number in range(draws.count):
+        for number in range(first, draws.count):
             yield Member(variant, point, number, (*chosen, *draws.settings(number)))
 
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from multiprocessing.synchronize import Event as SharedEvent
 from pathlib import Path
@@ -17,7 +17,7 @@ from cosim.errors import CosimError
 from cosim.language.source import Node
 from cosim.machine import parallel
 from cosim.results.metrics import from_json
-from cosim.study import executors, member_run, plan
+from cosim.study import executors, member_run, plan, sequential
 from cosim.study.definition import Study
 from cosim.study.draws import Draws
 from cosim.study.member_run import Row
@@ -27,6 +27,8 @@ from cosim.study.variants import Prepared, Variants
 
 FAILED = ("failed", "diverged", "terminated")
 """How a run ends that does not come to its end."""
+FIRST_DRAWS = 32
+"""Of a study that ends when a probability is known: after so many, and then a quarter more each time, it is asked."""
 WINDOW = 3
 """Members under way for each worker: one runs, the next ones wait beside it."""
 
@@ -60,7 +62,10 @@ class Options:
 
 @dataclass
 class Results:
-    """What a study gave. ran, reused: how many members this call ran, and how many needed no run."""
+    """What a study gave. ran, reused: how many members this call ran, and how many needed no run.
+
+    first: the draw that `keys` and `refused` begin with.
+    """
 
     study: Study
     variants: Variants
@@ -73,6 +78,7 @@ class Results:
     keys: list[str | None] = field(default_factory=list)
     refused: dict[int, Row] = field(default_factory=dict)
     store: Store | MemoryStore | None = None
+    first: int = 0
 
     @property
     def kept_in(self) -> Path:
@@ -86,6 +92,17 @@ class Results:
         bases = [self.variants.base(name) for name in reversed(self.study.variants)]
         return {name: made for base in bases for name, made in base.diagram.figures.items()}
 
+    def take(self, keys: list[list[str | None]], refused: list[dict[int, Row]], count: int) -> None:
+        """Be what the first draws of each variant and grid point gave; their keys, and rows without one, by draw."""
+        assert self.draws is not None
+        assert self.study.random is not None
+        self.draws.count, self.total = count, len(keys) * count
+        self.study = replace(self.study, random=replace(self.study.random, count=count))
+        self.keys = [key for group in keys for key in group[:count]]
+        self.refused = {
+            k * count + draw: row for k, group in enumerate(refused) for draw, row in group.items() if draw < count
+        }
+
     def files(self) -> dict[str, Path]:
         """The files with the signals of those members that have recorded them."""
         members = zip(plan.members(self.study, self.draws), self.keys, strict=True)
@@ -95,7 +112,7 @@ class Results:
     def rows(self) -> Iterator[Row]:
         """Every member's row, read from the store one by one."""
         assert self.store is not None
-        for number, chosen in enumerate(plan.members(self.study, self.draws)):
+        for number, chosen in enumerate(plan.members(self.study, self.draws, self.first)):
             key = self.keys[number]
             row = self.refused[number] if key is None else self.store[key]
             yield {**row, "metrics": from_json(row["metrics"]), **identity(chosen)}
@@ -146,16 +163,16 @@ def _run(results: Results, options: Options) -> None:
     if options.cluster:
         with executors.cluster(options.cluster) as (executor, workers):
             submit = partial(_run_elsewhere, executor, results.study, options)
-            _collect(results, options, submit, WINDOW * workers, executor, threading.Event())
+            _work(results, options, submit, WINDOW * workers, executor, threading.Event())
     elif results.variants.shareable() or options.here:
         with parallel.threads(1 if options.here else count) as executor:
             stop = threading.Event()
-            _collect(results, options, partial(_run_here, executor, results, stop), WINDOW * count, executor, stop)
+            _work(results, options, partial(_run_here, executor, results, stop), WINDOW * count, executor, stop)
     else:
         shared = executors.shared_event()
         with executors.processes(count, shared) as executor:
             submit = partial(_run_elsewhere, executor, results.study, options)
-            _collect(results, options, submit, WINDOW * count, executor, shared)
+            _work(results, options, submit, WINDOW * count, executor, shared)
 
 
 def _run_here(executor: Executor, results: Results, stop: threading.Event, job: Job) -> Future[Row]:
@@ -169,6 +186,40 @@ def _run_here(executor: Executor, results: Results, stop: threading.Event, job: 
 def _run_elsewhere(executor: Executor, study: Study, options: Options, job: Job) -> Future[Row]:
     origin = options.origin or executors.StudyFile(str(study.path.resolve()), options.settings)
     return executor.submit(executors.run_elsewhere, origin, job.member, job.file, job.key)
+
+
+def _work(
+    results: Results,
+    options: Options,
+    submit: Callable[[Job], Future[Row]],
+    window: int,
+    executor: Executor,
+    stop: threading.Event | SharedEvent,
+) -> None:
+    """Run all jobs, or those of as many draws as it takes until what is to be known is known."""
+    study, draws = results.study, results.draws
+    if not study.until or draws is None:
+        _collect(results, options, submit, window, executor, stop)
+        return
+    groups, most = results.total // draws.count, draws.count
+    keys: list[list[str | None]] = [[] for _ in range(groups)]
+    refused: list[dict[int, Row]] = [{} for _ in range(groups)]
+    needed: int | None = None
+    while needed is None and results.first < most:
+        width = min(max(FIRST_DRAWS, results.first // 4), most - results.first)
+        draws.count = results.first + width
+        results.keys, results.refused = [], {}
+        _collect(results, options, submit, window, executor, stop)
+        for number, key in enumerate(results.keys):
+            keys[number // width].append(key)
+        for number, row in results.refused.items():
+            refused[number // width][results.first + number % width] = row
+        results.first = 0
+        results.take(keys, refused, draws.count)
+        needed = sequential.draws_needed(sequential.trials(study, results.rows()))
+        results.first = draws.count
+    results.first = 0
+    results.take(keys, refused, needed or most)
 
 
 def _collect(
@@ -221,7 +272,7 @@ def _jobs(results: Results, folder: Path | None) -> Iterator[Job]:
     store, study = results.store, results.study
     assert store is not None
     under_way: set[str] = set()
-    for number, chosen in enumerate(plan.members(study, results.draws)):
+    for number, chosen in enumerate(plan.members(study, results.draws, results.first)):
         try:
             prepared = results.variants.prepared(chosen)
         except CosimError as error:

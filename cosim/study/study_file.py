@@ -33,6 +33,7 @@ from cosim.study import (
     search_section,
     tables_section,
     tune_section,
+    until_section,
 )
 from cosim.study.definition import Fit, Question, Reference, Search, Study, Tuning, Variant
 from cosim.study.study_keys import EXPLAIN, OVERLAY, STUDY
@@ -105,6 +106,7 @@ def _study(tree: Node, path: Path, reader: Reader) -> Study:
     study = Study(title, description, path, source.dump(tree.plain()), variants)
     study.grid = grid_section.read(_entries(sections, "grid"), reader)
     study.random = random_section.read(sections["random"], reader) if "random" in sections else None
+    study.until = until_section.read(_entries(sections, "until"), study.random, reader)
     study.metrics, study.added_metrics = _metrics(sections.get("metrics"), reader)
     study.search = _search(sections["search"], reader) if "search" in sections else None
     study.tuning = _tuning(sections["tune"], reader) if "tune" in sections else None

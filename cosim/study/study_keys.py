@@ -15,6 +15,7 @@ from cosim.language.keys import (
     TEXT,
     TRUTH,
     Key,
+    between,
     choice,
     count,
 )
@@ -46,6 +47,12 @@ RANDOM: dict[str, Key] = {
     "method": Key("how draws are spread", choice(METHODS), METHODS[0]),
     "draws": Key("what is drawn, by path: {uniform: [least, most]} or {normal: [mean, deviation]}", below=NAMED),
     "accept": Key("bounds, by signal, that a draw has to keep at time zero: {least, most}", below=NAMED),
+}
+UNTIL: dict[str, Key] = {
+    "probability": Key("draws end where the probability is surely below or above this", between(0.0, 1.0)),
+    "confidence": Key("in that", between(0.5, 1.0), 0.99),
+    "above": Key("of a metric: a violation is a value above this", NUMBER),
+    "below": Key("of a metric: a violation is a value below this", NUMBER),
 }
 SEARCH: dict[str, Key] = {
     "over": Key("what is varied, by path, as `random.draws`: {uniform: [least, most]}", below=NAMED),
@@ -90,12 +97,11 @@ COLUMN: dict[str, Key] = {
     "over": Key("how draws are reduced: a statistic, a quantile from 0 to 1, or [mean, std]", ANYTHING),
     "above": Key("the share of runs above this limit instead", NUMBER),
     "below": Key("the share of runs below this limit instead", NUMBER),
-    "interval": Key("whether the bounds of its probability stand behind a share, with 95 % confidence", TRUTH, False),
     "format": Key("of its numbers, such as .2e", ANYTHING),
 }
 TABLE: dict[str, Key] = {
     "rows": Key("the dimensions that its rows are", ANYTHING),
-    "columns": Key("metrics, or headings with {metric, over, above, below, interval, format}", ANYTHING),
+    "columns": Key("metrics, or headings with {metric, over, above, below, format}", ANYTHING),
     "transpose": Key("whether rows and columns change places", TRUTH, False),
 }
 EXPLAIN: dict[str, Key] = {
@@ -111,6 +117,7 @@ STUDY: dict[str, Key] = {
     "variants": Key("changes of the diagram, by name", below={ANY: Key("", below=VARIANT)}),
     "grid": Key("lists of values, by path; or by a name: {path, values}, or {variants}", below=NAMED),
     "random": Key("what is drawn at random", below=RANDOM),
+    "until": Key("draw until a probability is known, by requirement or metric; at most `random.count`", below=NAMED),
     "search": Key("where `cosim falsify` looks for what violates a requirement", below=SEARCH),
     "tune": Key("what `cosim tune` changes, and what for", below=TUNE),
     "fit": Key("what `cosim fit` changes, and the measurements that runs are to come near", below=FIT),

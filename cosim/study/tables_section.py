@@ -33,22 +33,7 @@ def _table(title: str, node: Node, study: Study, reader: Reader) -> TableLayout:
     transpose = "transpose" in node.value and read_value(
         TABLE["transpose"], node.value["transpose"], f"{where}.transpose", reader
     )
-    layout = TableLayout(title, tuple(names) or ("variant",), _columns(where, columns, reader), transpose, node)
-    if any(column.interval for column in layout.columns):
-        _are_trials(layout, where, study, reader)
-    return layout
-
-
-def _are_trials(layout: TableLayout, where: str, study: Study, reader: Reader) -> None:
-    """Report where the runs of one row are no independent trials of one probability."""
-    sizes = {"variant": len(study.variants), **{axis.name: len(axis.values) for axis in study.grid}}
-    mixed = [name for name, size in sizes.items() if size > 1 and name not in layout.rows]
-    if study.random is None or study.random.method != "random":
-        message = f"`{where}`: there is an interval of what is drawn at random, each by itself"
-        reader.wrong(layout.node, message, "add `random:` with the method random, or remove `interval`", WrongValue)
-    elif mixed:
-        message = f"`{where}`: a row with an interval holds runs that differ in {', '.join(mixed)}"
-        reader.wrong(layout.node, message, f"write rows: [{', '.join((*layout.rows, *mixed))}]", WrongValue)
+    return TableLayout(title, tuple(names) or ("variant",), _columns(where, columns, reader), transpose, node)
 
 
 def _dimension(node: Node, where: str, study: Study, reader: Reader) -> str | None:
@@ -85,12 +70,8 @@ def _column(where: str, heading: str, node: Node, reader: Reader) -> TableColumn
         message = f"`{where}`: beside `{next(iter(limits))}` nothing is reduced by `over`, as a share is counted"
         reader.wrong(entries["over"], message, f"remove `over`, or `{' and '.join(limits)}`", WrongValue)
     style = _format(where, entries["format"], reader) if "format" in entries else (".1%" if limits else ".3g")
-    bounded = "interval" in entries and read_value(COLUMN["interval"], entries["interval"], where, reader)
-    if bounded and not limits:
-        fix = "write {metric: min_gap, above: 0, interval: true}"
-        reader.wrong(entries["interval"], f"`{where}.interval` is of a share, and this is none", fix, WrongValue)
     limit = limits.get("above"), limits.get("below")
-    return TableColumn(heading, entries["metric"], statistic, *limit, style, both, bounded)
+    return TableColumn(heading, entries["metric"], statistic, *limit, style, both)
 
 
 def _is_mean_and_deviation(node: Node) -> bool:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from cosim.language.source import Node
-from cosim.requirements.margins import NO_MARGIN
 from cosim.results.metrics import REDUCTIONS, reduction
 from cosim.results.text_table import TextTable
-from cosim.study.dataset import metric_names, scalar
-from cosim.study.definition import OVER_RUNS, STEP_TIME, Study, TableColumn, TableLayout
-from cosim.study.kept import interval
+from cosim.study import kept
+from cosim.study.dataset import metric_names
+from cosim.study.definition import OVER_RUNS, Study, TableColumn, TableLayout
 from cosim.study.member_run import Row
+from cosim.study.row_figures import figure, label, number, place_on, satisfies, scalar
 from cosim.study.running import FAILED, Results
 
 
@@ -40,20 +40,22 @@ def _table(layout: TableLayout, study: Study, rows: list[Row], reductions: Mappi
     columns = [with_statistic(column, reductions) for column in layout.columns or _default(study, rows).columns]
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        groups.setdefault(tuple(_at(study, row, dimension) for dimension in layout.rows), []).append(row)
+        groups.setdefault(tuple(place_on(study, row, dimension) for dimension in layout.rows), []).append(row)
     several = any(len(group) > 1 for group in groups.values())
     values = [[cell(column, group) for column in columns] for group in groups.values()]
     off = [[deviation(column, group) for column in columns] for group in groups.values()]
-    sizes = [len(group) for group in groups.values()]
-    lines_of = zip(values, off, sizes, strict=True)
+    cells = [zip(line, around, columns, strict=True) for line, around in zip(values, off, strict=True)]
+    bounds = [[_bounds(study, column, group) for column in columns] for group in groups.values()]
     texts = [
-        [_text(value, around, column, size) for value, around, column in zip(line, spread, columns, strict=True)]
-        for line, spread, size in lines_of
+        [_text(*cell_, ends) for cell_, ends in zip(line, around, strict=True)]
+        for line, around in zip(cells, bounds, strict=True)
     ]
     headings = [heading(column) if several else column.heading for column in columns]
     head = [*layout.rows, *headings]
     labels = [[label(study, group[0], dimension) for dimension in layout.rows] for group in groups.values()]
     notes = [*_notes(rows, several), *_arrays(columns, rows)]
+    if any(ends for line in bounds for ends in line):
+        notes.append(f"In parentheses: where the probability lies with {100 * kept.CONFIDENCE:g} % confidence.")
     if not layout.transpose:
         lines = [[*own, *line] for own, line in zip(labels, texts, strict=True)]
         return TextTable(layout.title, head, lines, values, notes, off)
@@ -84,13 +86,12 @@ def with_statistic(column: TableColumn, reductions: Mapping[str, str]) -> TableC
     """The column with the statistic that its metric has if nothing is said: a minimum is reduced by the minimum."""
     if column.statistic is not None:
         return column
-    name = str(column.metric.value)
-    return replace(column, statistic="median" if name == STEP_TIME else OVER_RUNS[reductions[name]])
+    return replace(column, statistic=OVER_RUNS[reductions[str(column.metric.value)]])
 
 
 def heading(column: TableColumn) -> str:
     """A column's heading with the name of its statistic, unless it says it already."""
-    if column.above is not None or column.below is not None:
+    if is_share(column):
         name = "share"
     elif column.deviation:
         name = "mean ± std"
@@ -108,32 +109,18 @@ def cell(column: TableColumn, rows: list[Row]) -> float | None:
     None if none has it. A NaN among them makes every statistic NaN, as in a run.
     """
     name = str(column.metric.value)
-    if column.above is not None or column.below is not None:
+    if is_share(column):
         known = [found for row in rows if (found := number(row, name)) is not None]
         return float(satisfies(np.array(known), column.above, column.below).sum() / len(rows))
-    numbers = np.array([found for row in rows if (found := _figure(row, name)) is not None])
+    numbers = np.array([found for row in rows if (found := figure(row, name)) is not None])
     if not numbers.size:
         return None
     return _statistic("max" if column.statistic is None else column.statistic, numbers)
 
 
-def _figure(row: Row, name: str) -> float | None:
-    """A figure of a run, if it has that and it is no array."""
-    if name == STEP_TIME:
-        return 1e6 * row["seconds"] / row["steps"] if row["steps"] else None
-    return scalar(row["metrics"].get(name))
-
-
-def number(row: Row, name: str) -> float | None:
-    """A figure of a run, if it has that and it is no array; a margin of zero is on the side that its verdict says."""
-    found = _figure(row, name)
-    holds, _ = row.get("requirements", {}).get(name, (None, ""))
-    return (NO_MARGIN if holds else -NO_MARGIN) if found == 0.0 and holds is not None else found
-
-
 def deviation(column: TableColumn, rows: list[Row]) -> float | None:
     """The standard deviation of a column that has one, as of `std`: over all runs; None of fewer than two."""
-    numbers = [n for row in rows if (n := _figure(row, str(column.metric.value))) is not None]
+    numbers = [n for row in rows if (n := figure(row, str(column.metric.value))) is not None]
     return _statistic("std", np.array(numbers)) if column.deviation and len(numbers) > 1 else None
 
 
@@ -156,36 +143,25 @@ def _quantile(numbers: np.ndarray, share: float) -> float:
     return float(low + high if np.isinf([low, high]).any() else low + (high - low) * (place % 1))
 
 
-def satisfies(numbers: np.ndarray, above: float | None, below: float | None) -> np.ndarray:
-    """Which numbers are above and below the limits; NaN is not."""
-    result: np.ndarray = ~np.isnan(numbers)
-    if above is not None:
-        result &= numbers > above
-    if below is not None:
-        result &= numbers < below
-    return result
-
-
-def label(study: Study, row: Row, dimension: str) -> str:
-    """Where a member stands on one of the study's dimensions, as text."""
-    at = _at(study, row, dimension)
-    axis = next((axis for axis in study.grid if axis.name == dimension), None)
-    return axis.labels[at] if axis else str(at)
-
-
-def _at(study: Study, row: Row, dimension: str) -> Any:
-    """Where a member stands on a dimension: a variant's name, or a number from 0."""
-    if dimension in ("variant", "draw"):
-        return row[dimension]
-    return row["grid"][[axis.name for axis in study.grid].index(dimension)]
-
-
-def _text(value: float | None, around: float | None, column: TableColumn, runs: int) -> str:
-    """A cell's text; runs: how many it is of."""
+def _text(value: float | None, around: float | None, column: TableColumn, bounds: tuple[float, float] | None) -> str:
     if value is None:
         return "—"
     text = format(value, column.format)
-    if column.interval:
-        low, high = (format(bound, column.format) for bound in interval(round(value * runs), runs))
-        return f"{text} ({low} … {high})"
+    if bounds:
+        return f"{text} ({' … '.join(format(end, column.format) for end in bounds)})"
     return text if around is None else f"{text} ± {format(around, column.format)}"
+
+
+def _bounds(study: Study, column: TableColumn, rows: Sequence[Row]) -> tuple[float, float] | None:
+    """Where the probability of a share lies, as of `kept.interval`; None where runs are not drawn alike."""
+    alike = len({(row["variant"], tuple(row["grid"])) for row in rows}) == 1
+    if not is_share(column) or not alike or not kept.draws_are_trials(study):
+        return None
+    name = str(column.metric.value)
+    known = [found for row in rows if (found := number(row, name)) is not None]
+    return kept.interval(int(satisfies(np.array(known), column.above, column.below).sum()), len(rows))
+
+
+def is_share(column: TableColumn) -> bool:
+    """Whether a column shows the share of runs beyond a limit."""
+    return column.above is not None or column.below is not None

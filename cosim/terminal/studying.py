@@ -12,7 +12,7 @@ from typing import Any
 
 from cosim.errors import CosimError, ResultError
 from cosim.requirements.verdict import WORDS
-from cosim.study import dataset, file_names, kept, running, study_file, table_files, text_tables
+from cosim.study import dataset, file_names, kept, known, running, study_file, table_files, text_tables
 from cosim.study.counter import Counter
 from cosim.study.running import Options, Results
 from cosim.terminal import screen, study_display
@@ -76,6 +76,8 @@ def _report(results: Results, as_json: bool) -> None:
         content: dict[str, Any] = {"study": str(results.study.path), "results": str(results.kept_in / "study.nc")}
         content |= {"members": results.total, "ran": results.ran, "seconds": round(results.seconds, 3), **summary}
         content["requirements"] = kept.as_json(results.study, results.rows())
+        if results.study.until:
+            content["until"] = known.as_json(results.study, results.rows())
         content["tables"] = {t.title: [t.head, *t.rows] for t in text_tables.tables(results)}
         print(json.dumps(content, ensure_ascii=False))
         return
@@ -83,6 +85,8 @@ def _report(results: Results, as_json: bool) -> None:
         study_display.show(table)
     if judged := kept.table(results.study, results.rows()):
         study_display.show(judged, numbers=False)
+    if drawn_for := known.table(results.study, list(results.rows())):
+        study_display.show(drawn_for, numbers=False)
     counts = ", ".join(f"{count} {status}" for status, count in summary["counts"].items())
     counts += "" if summary["failed"] else ", none failed"
     before = f", {results.reused} needed no run" if results.reused else ""

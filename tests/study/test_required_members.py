@@ -50,7 +50,7 @@ def test_in_the_diagram_a_variant_and_the_study(results):
 
 def shares(found) -> list[float]:
     """The shares of violated and of kept runs, as the table has them."""
-    return [float(cell.rstrip("%")) / 100 for cell in text_tables.tables(found)[0].rows[0][-2:]]
+    return [float(cell.split("%")[0]) / 100 for cell in text_tables.tables(found)[0].rows[0][-2:]]
 
 
 def swinging(share: float, below: str = "always(swing.x < 0.3)") -> tuple[str, str]:

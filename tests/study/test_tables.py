@@ -12,7 +12,7 @@ from cosim.errors import CosimError, ResultError
 from cosim.report import words
 from cosim.results.metrics import REDUCTIONS
 from cosim.results.step_figures import STEP_FIGURES
-from cosim.study import dataset, table_files, text_tables
+from cosim.study import dataset, row_figures, table_files, text_tables
 from cosim.study.definition import OVER_RUNS, STATISTICS
 from cosim.study.table_files import markdown
 from tests.study.conftest import DIAGRAM, STUDY
@@ -39,7 +39,9 @@ def test_tables(results, tmp_path):
     tops = [row["metrics"]["top"] for row in done.rows()][:4]
     assert table.values[0][0] == max(tops)
     assert table.values[0][1] == np.median(tops)
-    assert [row[-1] for row in table.rows] == ["0.0%", "0.0%", "100.0%"] * 2
+    most = 1 - 0.025 ** (1 / 4)  # Clopper and Pearson: 0 of 4
+    none, all_ = f"0.0% (0.0% … {most:.1%})", f"100.0% ({1 - most:.1%} … 100.0%)"
+    assert [row[-1] for row in table.rows] == [none, none, all_] * 2
     table_files.write(done, [table])
     assert (tmp_path / "results" / "tops.md").read_text().count("|") == 6 * 8
     assert f"{max(tops)!r}" in (tmp_path / "results" / "tops.csv").read_text()
@@ -185,7 +187,7 @@ def test_a_full_disk_leaves_what_was_there(results, tmp_path, limit):
     ],
 )
 def test_a_share_counts_what_is_beyond_all_limits(above, below, expected):
-    assert text_tables.satisfies(np.array([0.0, 1.0, 2.0, np.nan]), above, below).tolist() == expected
+    assert row_figures.satisfies(np.array([0.0, 1.0, 2.0, np.nan]), above, below).tolist() == expected
 
 
 ODD = """
