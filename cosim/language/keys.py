@@ -281,9 +281,10 @@ METRIC: dict[str, Key] = {
     "to": Key("where it ends; none: at the end", NUMBER, math.inf, unit="s"),
     "reference": Key("of an error, none: 0; where a response is to end, none: its last sample", NUMBER),
     "band": Key("of a settling time: how near to the end, in parts of the way; none: 0.02", POSITIVE),
+    "within": Key("in the place of a band: how near to the end, in the signal's unit", POSITIVE),
     "percent": Key("of a percentile; none: 95", between(0.0, 100.0)),
 }
-METRIC_OPTIONS = ("reference", "band", "percent")
+METRIC_OPTIONS = ("reference", "band", "within", "percent")
 REQUIREMENT: dict[str, Key] = {
     "formula": Key("in signal temporal logic", TEXT, example="always(plant.x < 1)"),
     "stop": Key("violated: the run ends soon after it is violated", choice(("violated",))),

@@ -78,7 +78,7 @@ class StepFigure(Reduction):
         """The figure of one element: times (k,) in s, course (k,), k > 0."""
 
     def __str__(self) -> str:
-        said = [f"{name} {value:g}" for name, value in self.options.items() if value is not None]
+        said = [f"{k} {value:g}" for k, value in self.options.items() if value is not None and not math.isnan(value)]
         return ", ".join([super().__str__(), *said])
 
 
@@ -151,16 +151,28 @@ class _Response(StepFigure):
 
 
 class SettlingTime(_Response):
-    """From when on the signal stays within a band around its end, in parts of the way; none where it does not stay."""
+    """From when on the signal stays within a band around its end; none where it does not stay.
+
+    band: in parts of the way; within: in the signal's unit, in its place.
+    """
 
     name = "settling_time"
     unit = "s"
-    takes: ClassVar[Mapping[str, float | None]] = {"reference": None, "band": 0.02}
+    takes: ClassVar[Mapping[str, float | None]] = {"reference": None, "band": 0.02, "within": None}
+
+    def configure(self, options: Mapping[str, float]) -> None:
+        """As of `StepFigure`."""
+        if {"band", "within"} <= options.keys():
+            raise MetricError("`band` and `within` both say how near", fix="leave one of them out")
+        super().configure({**options, "band": math.nan} if "within" in options else options)
 
     def of(self, times: Array, course: Array) -> float | None:
         """As of `StepFigure`."""
-        made, band = self.progress(course), self.options["band"]
+        made, band, within = self.progress(course), self.options["band"], self.options["within"]
         assert band is not None
+        if within is not None:
+            given = self.options["reference"]
+            made, band = 1.0 + (course - (course[-1] if given is None else given)) / within, 1.0
         if made is None:
             return 0.0
         outside = np.flatnonzero(np.abs(made - 1.0) > band)

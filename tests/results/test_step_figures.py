@@ -40,6 +40,16 @@ def test_the_settling_time_is_where_the_swing_leaves_its_band_last():
     assert wide < figure("settling_time", SWING, reference=1.0, band=0.05)
 
 
+def test_a_settling_time_may_be_of_a_band_in_the_signals_unit():
+    """Of 3 - 2 e^-t: |y - 3| < 0.1 from ln 20 on; and of what begins where it ends, which has no way."""
+    course = 3 - 2 * np.exp(-T)
+    assert figure("settling_time", course, reference=3.0, within=0.1) == pytest.approx(math.log(20), abs=1e-6)
+    assert figure("settling_time", T * np.exp(-T), reference=0.0, within=T[-1] * np.exp(-T[-1])) == T[-1]
+    assert figure("settling_time", np.sin(T), reference=0.0, within=0.1) is None
+    with pytest.raises(MetricError, match="both say how near"):
+        reduced_by("settling_time", {"band": 0.1, "within": 1.0}, None, None, float, ())
+
+
 def test_a_first_order_lag_has_the_times_of_theory():
     lag = 1 - np.exp(-T)
     assert figure("rise_time", lag, reference=1.0) == pytest.approx(math.log(9), abs=1e-6)  # ln 0.9 - ln 0.1
