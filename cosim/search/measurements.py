@@ -130,7 +130,7 @@ def _unit(measured: Measured, network: Network) -> str:
         return Seen(signal, shape, fleets, variable.dtype, variable.unit)
 
     try:
-        found = terms.signal(Mention(measured.signal, measured.index, 0), Scope(look, measured.node.place))
+        found = terms.signal(Mention(measured.signal, measured.index, 0), Scope(look, lambda at: measured.node.place))
     except FormulaError as error:
         raise _placed(error, measured) from None
     if found.shape:

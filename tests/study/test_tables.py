@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cosim.errors import CosimError, ResultError
+from cosim.errors import ResultError
 from cosim.report import words
 from cosim.results.metrics import REDUCTIONS
 from cosim.results.step_figures import STEP_FIGURES
@@ -274,26 +274,10 @@ def test_a_member_without_an_array_loses_none_of_the_others():
 
 def test_a_share_has_the_interval_of_clopper_and_pearson(results):
     """Of n of n draws, the lower bound is (alpha/2)^(1/n): 0.025^(1/4) = 0.3976 of the four draws of a row."""
-    columns = "{good: {metric: top, above: -9, interval: true}, none: {metric: top, above: 1e9, interval: true}}"
+    columns = "{good: {metric: top, above: -9}, none: {metric: top, above: 1e9}}"
     done = results(STUDY.rstrip() + f"\n    tables: {{t: {{rows: [variant, w], columns: {columns}}}}}\n")
     (table,) = text_tables.tables(done)
     assert {tuple(row[2:]) for row in table.rows} == {("100.0% (39.8% … 100.0%)", "0.0% (0.0% … 60.2%)")}
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (STUDY.rstrip() + "\n    tables: {t: {rows: variant, columns: {COLUMN}}}\n", "runs that differ in swing.w"),
-        ("{diagram: diagram.yaml, tables: {t: {columns: {COLUMN}}}}", "drawn at random"),
-        (
-            STUDY.rstrip() + "\n    tables: {t: {rows: [variant, w], columns: {g: {metric: top, interval: true}}}}\n",
-            "none",
-        ),
-    ],
-)
-def test_an_interval_is_of_a_share_of_runs_that_are_drawn_alike(study, text, message):
-    with pytest.raises(CosimError, match=message):
-        study(text.replace("COLUMN", "g: {metric: top, above: 0, interval: true}"))
 
 
 def test_a_table_may_show_how_long_a_step_takes(results):
