@@ -63,6 +63,9 @@ def _of_function(declaration: Declaration, function: Function, complete: bool) -
     found = effects(function.python, shapes)
     assert found is not None
     about = _Reporter(declaration, function, text)
+    if about.is_left_to_others():
+        yield about.left_to_others()
+        return
     yield from about.of_effects(found)
     yield from about.of_names(complete)
     if declaration.compiled:
@@ -99,6 +102,19 @@ class _Reporter:
     def mistake(self, node: Any, what: str, fix: str) -> DeclarationError:
         """A mistake at a node of the function."""
         return DeclarationError(f"{self.name} {what}", self.text.place(node), fix)
+
+    def is_left_to_others(self) -> bool:
+        """Whether a base class says in words alone what the function is to write."""
+        home, body = self.declaration.home, self.text.node.body
+        inherited = home is not None and self.function.python.__qualname__.rpartition(".")[0] != home.__qualname__
+        return inherited and len(body) == 1 and ast.get_docstring(self.text.node) is not None
+
+    def left_to_others(self) -> DeclarationError:
+        """What the block's author forgot to define."""
+        name, arguments = self.function.name, ", ".join(self.function.arguments)
+        message = f"block {self.declaration.name} defines no {name}(), which its base class leaves to it"
+        fix = f"write `def {name}({arguments}):` in it. {ast.get_docstring(self.text.node)}"
+        return DeclarationError(message, naming.place_in(self.declaration.home, name), fix)
 
     def of_effects(self, found: Effects) -> Iterator[DeclarationError]:
         """What it writes, rebinds, returns and reads too early, and what it may leave unwritten."""

@@ -150,8 +150,10 @@ def test_compiled_interpreted_and_as_fmu_it_has_the_same_bits(own, tmp_path, ver
 
 def test_a_function_that_is_left_out_is_told_before_the_run(own):
     own.write_text(FILTERS.replace("outputs_transition(x_hat, u, st", "outputs_other(x_hat, u, st"))
-    with pytest.raises(CosimError, match=r"outputs_transition\(\) never writes `f`"):
+    with pytest.raises(CosimError, match=r"block Exact defines no outputs_transition\(\)") as caught:
         run_diagram(DIAGRAM.format(file=own, name="Exact"), "b.x_hat")
+    told = str(caught.value)
+    assert f"{own.name}:" in told and "write `def outputs_transition(x_hat, f, F):` in it" in told
 
 
 def test_a_variance_that_is_not_positive_is_refused(own):
