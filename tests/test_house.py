@@ -34,7 +34,7 @@ FLOORS = (
     "terminal",
 )
 DOORSTEP = ("cosim", "cosim.__main__")
-HIGHEST = 10
+HIGHEST = 11
 
 
 def modules() -> dict[str, Path]:
