@@ -33,6 +33,11 @@ from cosim.master.unknowns import (
 STRICT = 16.0  # rounding units: a residual over the unknown's size that is as good as none
 LOUD = 64.0  # times the strictest residual: noise that is no rounding error of the unknown
 TOLERANCE = 1e-13  # up to which differences of one side are believed what is rounding
+MOST_ITERATIONS = 50
+AS_TOLD = 2.0**-4  # of a residual, what is left of it at most where a step leads to where derivatives said
+MISSED = 0.25  # from here on, it does not
+MOST_MISSES = 3
+FLOOR = 4.0  # rounding units of what f adds up: a residual that no step makes smaller
 # In square roots of the rounding unit:
 STEEPEST = 64.0  # of the largest unknown in a block: more than this is no rounding error
 SAME = 4.0  # of a disturbance: what is left of it where an unknown comes back as it was disturbed
@@ -127,3 +132,28 @@ def all_answer(base: int, u: Any) -> bool:
     for j in range(f.size):
         answer = answer and (held[j] != 0.0 or abs(trial[j] - f[j] - step[j]) > same * abs(step[j]))
     return answer
+
+
+def missed(before: float, left: float, unit: float) -> int:
+    """How much a step by derivatives misses what they said, by what it has left of a residual."""
+    if left <= FLOOR * unit:
+        return MOST_MISSES  # differences alone tell what is rounding
+    if left <= MISSED * before:
+        return 0
+    return 1 if left < before else MOST_MISSES
+
+
+def pays(n: int, before: float, left: float, unit: float) -> bool:
+    """Whether another step by the same slopes is cheaper than by those of n unknowns anew, which it takes twice."""
+    rate = 2.0 * left / before if left <= AS_TOLD * before else 1.0
+    for _ in range(2 * min(n, MOST_ITERATIONS) + 2):
+        left *= rate
+    return left <= unit
+
+
+def take(base: int, u: Any, status: int) -> int:
+    """What has been tried is what is. Returns the status."""
+    f, trial = vector(base, u, F), vector(base, u, TRIAL)
+    for j in range(f.size):
+        f[j] = trial[j]
+    return status

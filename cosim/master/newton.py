@@ -29,6 +29,9 @@ from typing import Any
 
 from cosim.machine.memory import words_at
 from cosim.master.convergence import (
+    AS_TOLD,
+    MOST_ITERATIONS,
+    MOST_MISSES,
     TOLERANCE,
     all_answer,
     allow_rounding,
@@ -36,7 +39,10 @@ from cosim.master.convergence import (
     is_near,
     is_small,
     measure,
+    missed,
+    pays,
     progress,
+    take,
     worst_of,
 )
 from cosim.master.jacobian import (
@@ -53,7 +59,7 @@ from cosim.master.jacobian import (
     zero_of,
 )
 from cosim.master.linear import HUGE
-from cosim.master.residuals import disturb, listen, place, residual, row_of
+from cosim.master.listening import POINTS, differ, move_on, settle
 from cosim.master.tables import (
     ALIVE,
     ALL_FIRST,
@@ -66,10 +72,16 @@ from cosim.master.tables import (
     NO_SAMPLED,
     NOTED,
     OK,
+    ROW_BYTES,
+    ROW_WORDS,
+    ROWS,
     TANGENT,
     UNSOLVED,
     WARNING,
+    A,
+    B,
     C,
+    evaluate,
 )
 from cosim.master.unknowns import (
     BLOCKS,
@@ -99,14 +111,9 @@ from cosim.master.unknowns import (
     vector,
 )
 
-MOST_ITERATIONS = 50
 PATIENCE = 8  # so many steps are taken before f is listened to
 REST = 2.0**-16  # of an unknown that a step takes away: what differences make of a zero
 SMALLEST_PART = 2.0**-10  # of a step, that is tried where the whole leads astray
-AS_TOLD = 2.0**-4  # of a residual, what is left of it at most where a step leads to where derivatives said
-MISSED = 0.25  # from here on, it does not
-MOST_MISSES = 3
-FLOOR = 4.0  # rounding units of what f adds up: a residual that no step makes smaller
 UNDETERMINED = -1.0  # in place of an error: other values would do as well
 GO_ON = -1  # in place of a status: the last step was not the last
 
@@ -169,23 +176,6 @@ def look(c: Any, base: int, o: int, time: float, later: float, status: int, iter
         status = listen(c, base, o, time, later, 8.0 ** (iteration - PATIENCE))
         measure(base, u)
     return status, status <= WARNING and is_small(base, u, 1.0)
-
-
-def missed(before: float, left: float, unit: float) -> int:
-    """How much a step by derivatives misses what they said, by what it has left of a residual."""
-    if left <= FLOOR * unit:
-        return MOST_MISSES  # differences alone tell what is rounding
-    if left <= MISSED * before:
-        return 0
-    return 1 if left < before else MOST_MISSES
-
-
-def pays(n: int, before: float, left: float, unit: float) -> bool:
-    """Whether another step by the same slopes is cheaper than by those of n unknowns anew, which it takes twice."""
-    rate = 2.0 * left / before if left <= AS_TOLD * before else 1.0
-    for _ in range(2 * min(n, MOST_ITERATIONS) + 2):
-        left *= rate
-    return left <= unit
 
 
 def begin(c: Any, base: int, o: int) -> None:
@@ -351,9 +341,60 @@ def fall_back(c: Any, base: int, o: int, time: float, later: float) -> int:
     return take(base, u, residual(c, base, o, time, later, TRIAL, R))
 
 
-def take(base: int, u: Any, status: int) -> int:
-    """What has been tried is what is. Returns the status."""
-    f, trial = vector(base, u, F), vector(base, u, TRIAL)
-    for j in range(f.size):
-        f[j] = trial[j]
+# ---- f ----
+
+
+def row_of(c: Any, o: int) -> Any:
+    """The row that solves a loop."""
+    return words_at(c[ROWS] + o * ROW_BYTES, ROW_WORDS)
+
+
+def place(c: Any, base: int, o: int) -> int:
+    """The address of what row o says of the unknowns."""
+    at: int = base + row_of(c, o)[A]
+    return at
+
+
+def residual(c: Any, base: int, o: int, time: float, later: float, to: int, over: int) -> int:
+    """f(z) and f(z) - z, to two vectors; the unknowns are then f(z). Returns the status."""
+    u = unknowns(place(c, base, o))
+    z, f, r, held = vector(base, u, Z), vector(base, u, to), vector(base, u, over), vector(base, u, HELD)
+    c[ALIVE] += 1
+    exchange(base, place(c, base, o), z, True)
+    status = evaluate(c, base, o + 1, o + 1 + row_of(c, o)[B], time, later)
+    exchange(base, place(c, base, o), f, False)
+    for j in range(z.size):
+        r[j] = f[j] - z[j] if held[j] == 0.0 else 0.0
     return status
+
+
+def disturb(c: Any, base: int, o: int, time: float, later: float) -> int:
+    """f near z, in TRIAL, each unknown moved by its own part, in MOVE; then f at z again. Returns the status."""
+    u = unknowns(place(c, base, o))
+    z, kept, step = vector(base, u, Z), vector(base, u, KEPT), vector(base, u, MOVE)
+    size, held = vector(base, u, SIZE), vector(base, u, HELD)
+    for j in range(z.size):
+        kept[j] = z[j]
+        if held[j] == 0.0:
+            z[j] += math.sqrt(unit(u)) * (1.0 + 0.125 * (j % 7)) * size[j]
+        step[j] = z[j] - kept[j]
+    status = residual(c, base, o, time, later, TRIAL, R)
+    for j in range(z.size):
+        z[j] = kept[j]
+    return residual(c, base, o, time, later, F, R) if status <= WARNING else status
+
+
+def listen(c: Any, base: int, o: int, time: float, later: float, wider: float) -> int:
+    """How much of f is noise, in FUZZ, see `listening`; then f at z again. Returns the status."""
+    u = unknowns(place(c, base, o))
+    z, kept = vector(base, u, Z), vector(base, u, KEPT)
+    for j in range(z.size):
+        kept[j] = z[j]
+    for point in range(2 * POINTS):
+        move_on(base, u, point, wider)
+        status = residual(c, base, o, time, later, TRIAL, MOVE)
+        if status > WARNING:
+            return status
+        differ(base, u, point)
+    settle(base, u)
+    return residual(c, base, o, time, later, F, R)
