@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,9 @@ from typing import Any
 import numpy as np
 
 from cosim.plot import style
+
+LETTERS = 90
+"""Of titles side by side over all panels."""
 
 
 @dataclass
@@ -29,7 +33,7 @@ def draw(layout: Distribution, panels: Mapping[str, Mapping[str, np.ndarray]], o
         figure, axes = style.subplots(1, len(panels), size, sharex=True, sharey=True)
         for axis, (title, groups) in zip(axes.flat, panels.items(), strict=True):
             _panel(axis, layout, groups)
-            axis.set_title(title)
+            axis.set_title(textwrap.fill(title, max(LETTERS // len(panels), 8)))
         axes.flat[0].set_ylabel("share of runs")
         handles, labels = axes.flat[0].get_legend_handles_labels()
         if len(labels) > 1:

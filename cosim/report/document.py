@@ -216,10 +216,12 @@ def _figure(figure: Figure, shown: str) -> str:
 
 
 def _groups(study: Study, rows: list[Row], metric: str) -> dict[str, dict[str, np.ndarray]]:
-    """For each point of the grid the values of a metric in each variant."""
+    """For each point of the grid the values of a metric in each variant; an axis with one value is not told."""
     found: dict[str, dict[str, list[float | None]]] = {}
+    axes = [axis for axis in study.grid if len(axis.values) > 1]
     for row in rows:
-        point = ", ".join(f"{axis.name} = {row_figures.label(study, row, axis.name)}" for axis in study.grid)
+        labels = [(axis, row_figures.label(study, row, axis.name)) for axis in axes]
+        point = ", ".join(label if axis.changes else f"{axis.name} = {label}" for axis, label in labels)
         found.setdefault(point, {}).setdefault(row["variant"], []).append(scalar(row["metrics"].get(metric)))
     return {point: {name: np.array(v, float) for name, v in groups.items()} for point, groups in found.items()}
 
