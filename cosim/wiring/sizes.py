@@ -76,7 +76,7 @@ def _bytes(component: Component, variable: Variable, continuous: Container[Varia
     return copies * component.count * component.nbytes(variable)
 
 
-LITTLE = 1 << 20
+LITTLE = 1 << 16
 """Bytes that are always there: to ask how many there are takes a while."""
 
 
