@@ -130,13 +130,14 @@ def _section(results: Results, pictures: Pictures) -> str:
 
 def _found(results: Results) -> list[str]:
     """What `cosim falsify` has found of the study as it is now, if it was called."""
-    answers = found.read(results.kept_in / found.FOLDER, results.study) if results.study.search else []
+    folder = results.kept_in / found.FOLDER
+    answers = found.read(folder, results.study) if results.study.search else []
     if not answers:
         return []
     violated = [answer for answer in answers if answer["violated"]]
     parts = ["<h3>What violates a requirement</h3>", _table(found_section.table(answers))]
     for answer in violated:
-        parts += [_table(found_section.checks(answer)), *found_section.figures(answer)]
+        parts += [_table(found_section.checks(answer)), *found_section.figures(answer, folder)]
     return parts
 
 

@@ -48,18 +48,18 @@ def checks(answer: dict[str, Any]) -> TextTable:
     return TextTable(title, ["the same run", f"margin ({answer['unit']})"], rows)
 
 
-def figures(answer: dict[str, Any]) -> Iterator[str]:
-    """Pictures of a violation, as HTML: what the requirement speaks of, and the ways of bodies if there are any."""
-    overlay, time = Path(answer["overlay"]), answer["time"]
+def figures(answer: dict[str, Any], folder: Path) -> Iterator[str]:
+    """Pictures of a violation whose overlay is in a folder, as HTML: what the requirement speaks of, and the ways."""
+    overlay, time = folder / Path(answer["overlay"]).name, answer["time"]
     try:
         network = engine.load(overlay)
-        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-            file = Path(folder) / "run.nc"
+        with tempfile.TemporaryDirectory() as aside, ExitStack() as stack:
+            file = Path(aside) / "run.nc"
             until = BEYOND * time if time else network.diagram.run.stop
             Run(_recording(overlay, network, answer["requirement"], until), output=file, until=until).execute()
             result = stack.enter_context(Result(file))
             stack.enter_context(style.style())
-            drawn = Path(folder) / "picture.svg"
+            drawn = Path(aside) / "picture.svg"
             at = f", violated most at {time:g} s" if time is not None else ""
             style.save(_lines(result, network, answer), drawn)
             yield _figure(drawn, f"What {answer['requirement']} speaks of in the run of {overlay.name}{at}.")
