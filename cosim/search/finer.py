@@ -20,9 +20,7 @@ def finer(evaluator: Evaluator) -> Settings | None:
     found = []
     for text in refinement.settings(network, TENTH):
         path, _, value = text.partition("=")
-        place = Position(f"--set {text}")
-        evaluator.variants.positions.setdefault(path, place)
-        found.append((path, source.parse_value(value, place).value))
+        found.append((path, source.parse_value(value, Position(f"--set {text}")).value))
     settings = tuple(found)
     try:
         evaluator.variants.wire(evaluator.variant, settings)

@@ -30,6 +30,8 @@ UNLIKELY = 1e-3
 """How likely residuals as large have to be, with the deviations that are said, for a model to explain the data."""
 STEP_SHARE = 0.1
 """Of the residuals' size, by which the step may change what is measured."""
+SMALL = 1e-6
+"""Of what is measured: residuals are no smaller to this end, as those of a perfect fit are rounding."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +122,10 @@ class FitAnswer:
                 yield f"the residuals are {times} times the deviations that are said: the model lacks something"
         if found.finer is not None:
             change = float(np.linalg.norm(found.finer - found.best.residuals))
-            if change > STEP_SHARE * math.sqrt(found.best.cost):
-                share = change / math.sqrt(found.best.cost) if found.best.cost else math.inf
-                yield f"a tenth of the step changes the residuals by {100 * share:.2g} %: fit with a smaller step"
+            size_ = max(math.sqrt(found.best.cost), SMALL * float(np.linalg.norm(self.measured.scaled())))
+            if change > STEP_SHARE * size_:
+                share = 100.0 * change / size_
+                yield f"a tenth of the step changes the residuals by {share:.2g} %: fit with a smaller step"
 
 
 def _interval(low: float | None, high: float | None) -> list[float] | None:

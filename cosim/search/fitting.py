@@ -147,7 +147,9 @@ class FitRun:
         return found
 
     def _jacobian(self, point: np.ndarray) -> np.ndarray:
-        """Of the residuals by the unit cube's coordinates (size, n): central differences, one-sided at a bound.
+        """Of the residuals by the unit cube's coordinates (size, n), by central differences.
+
+        They are one-sided at a bound, and beside runs that do not come to their end.
 
         Raises: CosimError where a run so near does not come to its end.
         """
@@ -157,14 +159,18 @@ class FitRun:
             below, above = point.copy(), point.copy()
             below[k], above[k] = low[k], high[k]
             points += [below, above]
-        found = self._residuals(points)
+        here, *found = self._residuals([point, *points])
         columns = []
-        for k, (one, other) in enumerate(zip(found[::2], found[1::2], strict=True)):
-            if one is None or other is None:
+        for k, sides in enumerate(zip(found[::2], found[1::2], strict=True)):
+            ends = [(at[k], side) for at, side in zip((low, high), sides, strict=True) if side is not None]
+            if len(ends) < 2 and here is not None:  # beside runs that do not come to their end
+                ends.append((point[k], here))
+            if len(ends) < 2 or ends[0][0] == ends[1][0]:
                 name = self.evaluator.draws.names()[k]
                 message = f"a run with {name} a little off does not come to its end: {self._reason}"
                 raise CosimError(message, self.fit.node.place, "narrower bounds")
-            columns.append((other - one) / (high[k] - low[k]))
+            (a, one), (b, other) = ends
+            columns.append((other - one) / (b - a))
         return np.array(columns).T
 
     def _estimates(self, end: End) -> Estimates:
@@ -190,11 +196,8 @@ class FitRun:
 
     def _of(self, row: Row) -> np.ndarray | None:
         """The residuals of a run; None where it has none."""
-        if row["status"] != "completed" or "observed" not in row:
-            self._reason = row["reason"] or row["status"]
-            return None
-        found = self.measurements.residuals(row["observed"])
-        if np.all(np.isfinite(found)):
-            return found
-        self._reason = "what is measured is not finite"
+        if row["status"] == "completed" and row.get("observed") is not None:
+            return self.measurements.residuals(row["observed"])
+        early = "it ends before the last measurement, or what is measured is not finite"
+        self._reason = early if row["status"] == "completed" else row["reason"] or row["status"]
         return None

@@ -45,6 +45,10 @@ class Measurements:
         parts = [(np.array(o) - c.values) / c.scale for o, c in zip(observed, self.courses, strict=True)]
         return np.concatenate(parts)
 
+    def scaled(self) -> np.ndarray:
+        """What is measured, over the scales, (size,)."""
+        return np.concatenate([course.values / course.scale for course in self.courses])
+
     def sizes(self, residuals: np.ndarray | None) -> list[float | None]:
         """The root mean square residual of each signal, in its unit."""
         if residuals is None:

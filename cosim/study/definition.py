@@ -230,13 +230,15 @@ class Sighting:
     signals: tuple[tuple[str, tuple[int, ...]], ...]
     times: np.ndarray
 
-    def of(self, times: np.ndarray, samples: Mapping[str, np.ndarray]) -> list[list[float]]:
-        """The values of each signal from samples (k, *shape)."""
+    def of(self, times: np.ndarray, samples: Mapping[str, np.ndarray]) -> list[list[float]] | None:
+        """The values of each signal from samples (k, *shape); None where they end too early, or are not finite."""
+        if not times.size or self.times[-1] > times[-1] * (1.0 + 1e-9):
+            return None
         found = []
         for signal, index in self.signals:
             chosen: tuple[Any, ...] = (slice(None), *(number - 1 for number in index))
             found.append(np.interp(self.times, times, samples[signal][chosen].astype(float)).tolist())
-        return found
+        return found if np.isfinite(found).all() else None
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ class Variants:
         self._crossed = {path for path, _ in self._changes}
         grid = {path: axis.node.place for axis in study.grid for path in axis.paths}
         drawn = {path: d.node.place for space in study.spaces for d in space.draws for path in d.paths}
-        self.positions = {**grid, **drawn}
+        self.positions: dict[str, Position] = _Places({**grid, **drawn})
 
     def check(self) -> None:
         """Wire every variant, and its first grid point with typical draws; rules may be broken there.
@@ -291,6 +291,13 @@ def _changed(tree: Node, change: Variant) -> Node:
     for path, node in change.settings.items():
         tree = overlay.set_value(tree, path, node, node.place)
     return tree
+
+
+class _Places(dict[str, Position]):
+    """Where each path is set; what is set by no file, such as a search's smaller steps, is set as by --set."""
+
+    def __missing__(self, path: str) -> Position:
+        return Position(f"--set {path}")
 
 
 class _Beginnings:

@@ -194,6 +194,31 @@ def test_a_value_at_its_bound_is_said(tmp_path, table, capsys):
     assert "at its bound" in shown.out
 
 
+def test_a_run_that_ends_early_is_no_fit_and_a_perfect_one_needs_no_noise(tmp_path, capsys):
+    """x = u t: of u = 1 without a flaw. A requirement ends the runs that go beyond 0.8, which is before the data do."""
+    diagram = """
+run: {stop: 1, step: 0.001}
+blocks: {x: {block: Integrator, inputs: {u: 0.5}, start: {x: 0}}}
+requirements: {low: {formula: always(x.x < 0.8), stop: violated}}
+"""
+    text = """
+diagram: diagram.yaml
+fit:
+  over: {blocks.x.inputs.u: {uniform: [0, 2]}}
+  data: measured.csv
+  signals: {x.x: {column: x}}
+  starts: 1
+"""
+    written(tmp_path, "time,x\n0,0\n0.5,0.35\n1,0.7\n", text, diagram)
+    code, answer = fit(tmp_path, capsys=capsys)
+    assert (code, answer["warnings"]) == (0, [])
+    assert answer["values"]["x.u"]["after"] == pytest.approx(0.7, abs=1e-8)
+    written(tmp_path, "time,x\n0,0\n0.5,0.6\n1,1.2\n", text, diagram)
+    code, answer = fit(tmp_path, capsys=capsys)
+    assert code == 0
+    assert 0.8 < answer["values"]["x.u"]["after"] < 0.8 / 0.899 + 1e-6  # as far as runs end, seen every 100 steps
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

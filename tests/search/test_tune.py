@@ -10,6 +10,8 @@ import pytest
 from cosim.errors import Position
 from cosim.language.source import Node
 from cosim.search.worth import figures
+from cosim.study import executors
+from cosim.study.plan import Member
 from cosim.terminal.cli import main
 
 # The integrals of u1 = p and u2 = q over 1 s, from 0: x(1) = p, y(1) = q, exact under any method.
@@ -129,6 +131,14 @@ def test_a_figure_of_several_draws_is_their_mean_and_some_are_held_out(tmp_path,
     p = after(answer)["blocks.x.inputs.u"]
     starts = [run["p"] - p for run in answer["after"]["runs"]]
     assert p == pytest.approx(1 - np.mean(starts), abs=0.01)
+
+
+def test_another_process_has_the_smaller_step_too(tmp_path):
+    """As runs with FMUs have it, each in a process of its own: what it reads says nothing of a tenth of the step."""
+    path = written(tmp_path, PLANE, BOWL)
+    chosen = Member("base", settings=(("blocks.x.inputs.u", 1.0), ("run.step", 0.0125)))
+    row = executors.run_elsewhere(executors.StudyFile(str(path), ()), chosen, None, "")
+    assert (row["status"], row["steps"]) == ("completed", 80)
 
 
 def test_where_nothing_is_better_that_is_said(tmp_path, capsys):
