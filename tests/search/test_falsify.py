@@ -165,6 +165,7 @@ def test_each_requirement_is_searched_alone(tmp_path, capsys):
         ("  over:", "  ovr:", "`study.search` has no key `ovr`"),
         ("[-1, 1]", "[1, -1]", "`search.over.blocks.plant.inputs.u` has its bounds the wrong way round"),
         ("uniform: [-1, 1]", "unifrm: [-1, 1]", "`search.over.blocks.plant.inputs.u` takes a distribution"),
+        ("uniform: [-1, 1]", "normal: [0, 1]", "`search.over.blocks.plant.inputs.u` has no bounds"),
         ("blocks.plant.inputs.u", "blocks.plant.inputs.w", "has no input `w`"),
         ("runs: 300", "runs: 0", "`search.runs` must be a whole number from 1"),
         ("requirements: {below: always(plant.x < 1)}", "", "neither the study nor its diagram has a requirement"),
