@@ -15,15 +15,15 @@ from cosim.results.text_table import TextTable
 from cosim.search.checking import REAL
 from cosim.search.falsification import Findings
 from cosim.search.violations import Answer, Budget, Violations
-from cosim.study import found, study_file
+from cosim.study import found
 from cosim.study.counter import Counter
-from cosim.terminal import screen, study_display
+from cosim.terminal import screen, searched, study_display
 from cosim.terminal.exits import DONE, UNCERTAIN, VIOLATED
 
 
 def falsify(options: argparse.Namespace) -> int:
     """Search for violations of each requirement. Returns the exit code."""
-    study = study_file.load(options.study, options.set)
+    study = searched.load(options)
     folder = options.results / options.study.stem / found.FOLDER
     place = Position("--requirement")
     budget = Budget(options.runs, options.seconds, options.seed)

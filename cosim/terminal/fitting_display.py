@@ -11,15 +11,14 @@ from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.search import fit_answer
 from cosim.search.fit_answer import FitAnswer
-from cosim.study import study_file
 from cosim.study.counter import Counter
-from cosim.terminal import screen, study_display
+from cosim.terminal import screen, searched, study_display
 from cosim.terminal.exits import DONE, UNCERTAIN
 
 
 def fit(options: argparse.Namespace) -> int:
     """Fit. Returns the exit code: 1 where the values are not to be believed without a look at the warnings."""
-    study = study_file.load(options.study, options.set)
+    study = searched.load(options)
     wanted = fit_answer.fit_of(study)
     folder = options.results / options.study.stem / "fit"
     so_far: list[tuple[int, float | None]] = []

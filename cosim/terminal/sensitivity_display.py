@@ -12,10 +12,9 @@ from cosim.results.metrics import for_json
 from cosim.results.text_table import TextTable
 from cosim.search.evaluator import Evaluator
 from cosim.search.sensitivity import CONFIDENCE, Sensitivity, Share, sensitivities
-from cosim.study import study_file
 from cosim.study.counter import Counter
 from cosim.study.definition import Random, Study
-from cosim.terminal import screen, study_display
+from cosim.terminal import screen, searched, study_display
 from cosim.terminal.exits import DONE
 from cosim.wiring.network import Network
 
@@ -24,7 +23,7 @@ RUNS = 1024
 
 def show(options: argparse.Namespace) -> int:
     """Run, and print a table for each metric."""
-    study = study_file.load(options.study, options.set)
+    study = searched.load(options)
     space = _space(study)
     folder = options.results / options.study.stem / "sensitivity"
     evaluator = Evaluator(study, space, folder, options.threads, options.set)

@@ -10,16 +10,15 @@ from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.search import tuned
 from cosim.search.tuned import Tuned
-from cosim.study import study_file
 from cosim.study.counter import Counter
 from cosim.study.definition import Tuning
-from cosim.terminal import screen, study_display
+from cosim.terminal import screen, searched, study_display
 from cosim.terminal.exits import DONE, UNCERTAIN
 
 
 def tune(options: argparse.Namespace) -> int:
     """Tune. Returns the exit code: 1 where nothing better was found."""
-    study = study_file.load(options.study, options.set)
+    study = searched.load(options)
     tuning = tuned.tuning_of(study)
     folder = options.results / options.study.stem / "tune"
     so_far: list[tuple[int, float | None]] = []

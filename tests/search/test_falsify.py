@@ -245,3 +245,21 @@ def test_a_search_over_nothing_is_a_mistake(tmp_path, capsys):
     written(tmp_path, RAMP, study)
     assert main(["falsify", str(tmp_path / "study.yaml")]) == 2
     assert "`search.over` draws nothing" in capsys.readouterr().err
+
+
+def test_of_several_diagrams_one_has_to_be_named(tmp_path, capsys):
+    """u reaches 1, so x(1) reaches 1.5 from 0.5, and -8 from -9."""
+    both = reach(0.5).replace(
+        "search:",
+        "variants: {up: {blocks: {plant: {start: {x: 0.5}}}}, down: {blocks: {plant: {start: {x: -9}}}}}\nsearch:",
+    )
+    written(tmp_path, RAMP, both.replace("blocks.plant.start.x: {uniform: [-1, 0.5]}", ""))
+    study, results = str(tmp_path / "study.yaml"), ["--results", str(tmp_path / "results")]
+    assert main(["falsify", study, *results]) == 2
+    assert "has 2 variants, and a search is of one diagram\n    fix: --variant" in capsys.readouterr().err
+    assert main(["falsify", study, *results, "--variant", "dwn"]) == 2
+    assert "did you mean `down`?" in capsys.readouterr().err
+    assert main(["falsify", study, *results, "--variant", "up"]) == 3
+    assert main(["falsify", study, *results, "--variant", "down"]) == 0
+    written(tmp_path, RAMP, reach(0.5).replace("search:", "grid: {run.stop: [1, 2]}\nsearch:"))
+    assert main(["falsify", study, *results]) == 2 and "has a grid" in capsys.readouterr().err

@@ -27,6 +27,7 @@ def search_arguments(parser: argparse.ArgumentParser, section: str, runs: str) -
     parser.add_argument("--runs", type=_count, default=0, metavar="N", help=runs)
     parser.add_argument("--seconds", type=_seconds, default=float("inf"), metavar="S", help="how long at most")
     parser.add_argument("--seed", type=_seed, default=None, metavar="N", help="in place of the study's")
+    parser.add_argument("--variant", metavar="NAME", help="which of the study's variants, if there are several")
     parser.add_argument("--set", action="append", default=[], metavar="a.b=VALUE", help="change one value of the study")
     help_ = "threads (default: 0, one each processor)"
     parser.add_argument("--threads", type=threads, default=0, metavar="N", help=help_)
