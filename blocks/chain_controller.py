@@ -1,4 +1,4 @@
-"""Formation control of agents of any order."""
+"""Formation control of agents of any order, as of Remark 3: (26) to (33) extended."""
 
 import numpy as np
 

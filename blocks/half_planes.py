@@ -2,7 +2,7 @@
 
 The half-planes are normals_k · p >= offsets_k - slack, with normals of length 1, in a disc of some radius about 0. They
 are added one after the other: where the point so far lies outside, the new one lies on the border (de Berg and others,
-Computational Geometry, section 4.4; the objective, a distance, is strictly convex, so that nothing is degenerate).
+Computational Geometry, 2008, section 4.4; the objective, a distance, is strictly convex, so nothing is degenerate).
 """
 
 import math

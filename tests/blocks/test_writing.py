@@ -12,7 +12,19 @@ from tests.blocks import library_diagrams
 FILES = sorted((Path(__file__).parents[2] / "blocks").glob("*.py"))
 #: The files of the paper; the others are for any system, and `test_library.py` looks for their equations.
 HELPERS = ("extended_kalman", "jacobian", "kalman_steps", "matrices")
-PAPERS = [path for path in FILES if path.stem not in (*library_diagrams.FILES, *HELPERS, "noise")]
+#: What the paper's designs are compared with, each from a publication of its own, and what these are made of.
+COMPARED = {
+    *(
+        "control_barrier",
+        "half_planes",
+        "levant_gains",
+        "linear_observers",
+        "proper_differentiator",
+    ),
+    *("nonlinear_extended_state_observer", "sliding_mode_observer", "super_twisting_observer", "velocity_obstacles"),
+}
+PAPERS = [path for path in FILES if path.stem not in {*library_diagrams.FILES, *HELPERS, *COMPARED, "noise"}]
+YEAR = re.compile(r"\b(19|20)\d\d\b")
 #: An equation, or the place where the paper says it in words.
 NUMBER = re.compile(r"\(\d+\)|Section [IV]+|Fig. \d|Lemma \d|Theorems? \d|Definition \d")
 
@@ -43,3 +55,13 @@ def test_files_and_blocks_say_which_equations_they_are(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in (tree, *(n for n in tree.body if isinstance(n, ast.ClassDef))):
         assert NUMBER.search(ast.get_docstring(node) or ""), getattr(node, "name", path.name)
+
+
+@pytest.mark.parametrize("path", [path for path in FILES if path.stem in COMPARED], ids=lambda path: path.stem)
+def test_what_is_compared_with_the_paper_says_where_it_is_published(path):
+    """In each block's docstring, or in the file's, of all."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    classes = [ast.get_docstring(node) or "" for node in tree.body if isinstance(node, ast.ClassDef)]
+    assert YEAR.search(text)
+    assert YEAR.search(ast.get_docstring(tree) or "") or all(map(YEAR.search, classes))
