@@ -328,3 +328,16 @@ def test_blocks_come_after_those_through_which_all_ways_lead():
     )
     (function,) = read(text).functions
     assert [block.label for block in function.ordered()] == ["%0", "%one", "%two", "%three"]
+
+
+@pytest.mark.parametrize(("method", "fits"), [(0, True), (16, True), (1, False), (2, False)])
+def test_numbers_are_kept_as_they_are_rounded(tmp_path, method, fits):
+    """Methods of ISO/IEC TS 18661-3: 0 and 16 (a processor with half floats) compute doubles as doubles."""
+    if not shutil.which("gcc"):
+        pytest.skip("there is no gcc")
+    (tmp_path / "empty.c").write_text('#include "kernel.h"\n')
+    wrapper = Path(sources.__file__).parent / "wrapper"
+    told = ["-U__FLT_EVAL_METHOD__", f"-D__FLT_EVAL_METHOD__={method}", f"-I{wrapper}", "-fsyntax-only"]
+    done = subprocess.run(["gcc", *told, tmp_path / "empty.c"], capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) == fits, done.stderr
+    assert fits or "need IEEE 754's arithmetic" in done.stderr

@@ -12,7 +12,7 @@
 #error "these sources need GCC or Clang"
 #elif UINTPTR_MAX != UINT64_MAX || __BYTE_ORDER__ != __ORDER_LITTLE_ENDIAN__
 #error "these sources need 64-bit addresses, and the least significant byte first"
-#elif defined(__FAST_MATH__) || __FLT_EVAL_METHOD__ != 0
+#elif defined(__FAST_MATH__) || (__FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16) /* 16: half floats too */
 #error "these sources need IEEE 754's arithmetic: no -ffast-math, no -mfpmath=387"
 #endif
 /* A product and a sum are rounded one after the other, whatever the processor could do at once; GCC's vectorizer of
