@@ -33,7 +33,7 @@ from cosim.engine.layout import VECTORS
 from cosim.engine.simulation import Simulation
 from cosim.export import build, exporter
 from cosim.integrators import HEAD
-from cosim.machine import object_code
+from cosim.machine import object_code, parallel
 from cosim.master import tables
 from cosim.master.histories import FRESH, HISTORY_WORDS, ROOM, TO, WORDS, words
 
@@ -132,6 +132,7 @@ def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
 
 
 def watch_run(path: str, settings: list[str], broken: bool) -> None:
+    parallel.processors = lambda: 1  # what another process compiles is not watched
     compiler.compile_object = compile_object
     object_code.Library = Library  # type: ignore[misc]
     probes.BUFFER_BYTES = 2_000
