@@ -153,9 +153,10 @@ def _begun(network: Network, observed: dict[Refinement, Observation]) -> Certifi
         notes.append(f"the runs are ended at {times}; signals are compared before")
     if not any(refinement.lies_elsewhere for refinement in observed):
         notes.append(NESTED)
-    judge, units = MetricJudge(observed, *_theory(network)), observed[TOTAL[0]].observed.units
+    theory, units = _theory(network), observed[TOTAL[0]].observed.units
+    judge = MetricJudge(observed, *theory)
     metrics = {name: judge.judge(name, units[name], _doubt(doubts, signal)) for name, signal in network.reduced.items()}
-    margins = {name: margin_accuracy.judge(name, observed) for name in network.diagram.requirements}
+    margins = {name: margin_accuracy.judge(name, observed, *theory) for name in network.diagram.requirements}
     steps = tuple(observed[refinement].step for refinement in TOTAL)
     method = network.diagram.run.method
     return Certificate(str(network.diagram.path), method, steps, metrics, requirements=margins, notes=notes)

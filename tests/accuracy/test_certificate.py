@@ -251,9 +251,18 @@ def test_a_switch_just_before_a_point_that_all_steps_have_in_common_is_seen(cert
         assert final.error >= abs(made.metrics["final"].values[0] - truth)
 
 
+@pytest.mark.parametrize("early", [0.0005, 0.004, 0.009])
+def test_a_margin_that_such_a_switch_makes_is_as_unsure(certified, early):
+    """The margin is 3 - x at the end, x = 1 + 2 (1.2 - early) - 2 in truth; 0.009 s late it is 0.018 larger."""
+    more = "requirements: {low: always(a.x < 3)}"
+    made = certified(text_of(SWITCHED.format(1.2 - early), "a.x", 0.04, more=more))
+    assert made.requirements["low"].error >= 2.0 * early
+
+
 def test_a_switch_at_a_point_that_all_steps_have_in_common_costs_no_certainty(certified):
-    final = certified(text_of(SWITCHED.format(1.2), "a.x", 0.04)).metrics["final"]
-    assert final.kind == ROUNDING and final.error < 1e-12
+    made = certified(text_of(SWITCHED.format(1.2), "a.x", 0.04, more="requirements: {low: always(a.x < 3)}"))
+    assert made.metrics["final"].kind == ROUNDING and made.metrics["final"].error < 1e-12
+    assert made.requirements["low"].error < 1e-12
 
 
 def test_no_run_stops_early_where_inputs_are_extrapolated(diagram):
