@@ -16,6 +16,7 @@ from cosim.master.unknowns import (
     BLOCKS,
     DIVISORS,
     EQUATIONS,
+    FUZZ,
     KEPT,
     LARGEST,
     MOVE,
@@ -30,6 +31,7 @@ from cosim.master.unknowns import (
     R,
     Z,
     block_at,
+    is_quiet,
     matrices,
     matrix_at,
     unit,
@@ -42,6 +44,7 @@ ERRORS = 8.0  # rounding units of what f adds up: its rounding errors
 NOISE = 4.0  # rounding units over a difference: of a matrix of relative changes, what differences make of a zero
 DOUBTFUL = 1024.0  # rounding units over a difference: of a pivot, what differences may make of a zero
 SINGULAR = 1024.0  # rounding units over a coarse difference: of a pivot, what those make of a zero
+UNHEARD = 64.0  # times what of f is noise: of a pivot, what that makes of a zero, over a coarse difference
 FAR = 2.0**-8  # of a pivot, what a coarse difference may make of a zero where f is rounded
 NONE, DOUBT = -1, -2  # in place of a block that cannot be solved
 
@@ -69,6 +72,7 @@ def fill_column(base: int, u: Any, column: int, noise: float, along: bool) -> No
     n, matrix = u[EQUATIONS], matrices(base, u)
     z, kept, f, trial = vector(base, u, Z), vector(base, u, KEPT), vector(base, u, F), vector(base, u, TRIAL)
     size, weight, rounding = vector(base, u, SIZE), vector(base, u, WEIGHT), vector(base, u, ROUNDING)
+    fuzz = vector(base, u, FUZZ)
     for j in range(z.size):
         i = j % n
         p = j - i + column  # the unknown of the same block that has moved
@@ -78,13 +82,17 @@ def fill_column(base: int, u: Any, column: int, noise: float, along: bool) -> No
         if not along:
             rounding[j] += ERRORS * unit(u) * abs(slope * kept[p])
         entry = ((1.0 if i == column else 0.0) - slope) * size[p]
-        counts = abs(entry) > noise * max(abs(kept[j]), abs(f[j]))
+        counts = abs(entry) > max(noise * max(abs(kept[j]), abs(f[j])), UNHEARD / COARSE * fuzz[j])
         matrix[j * n + column] = entry / size[j] if counts else 0.0
 
 
-def zero_of(u: Any) -> float:
-    """Of a pivot, what coarse differences may make of a zero."""
-    return SINGULAR * unit(u) / COARSE
+def zero_of(base: int, u: Any) -> float:
+    """Of a pivot, what coarse differences may make of a zero, beside the noise of f that is known."""
+    size, fuzz = vector(base, u, SIZE), vector(base, u, FUZZ)
+    zero = SINGULAR * unit(u)
+    for j in range(size.size):
+        zero = max(zero, UNHEARD * fuzz[j] / size[j])
+    return zero / COARSE
 
 
 def find_steps(alive: Any, base: int, u: Any, least: float) -> int:
@@ -92,7 +100,7 @@ def find_steps(alive: Any, base: int, u: Any, least: float) -> int:
 
     Returns the first block that leaves an unknown undetermined, NONE, or DOUBT.
     """
-    found = NONE
+    found = NONE if is_quiet(base, u) else DOUBT
     r, step, size = vector(base, u, R), vector(base, u, MOVE), vector(base, u, SIZE)
     for j in range(r.size):
         step[j] = r[j] / size[j]

@@ -32,7 +32,7 @@ APART = 1.375  # residuals between two of these at least
 WIDEST = 2.0**-14  # of an unknown, or else a residual, at most: f is taken for a cubic there
 FOURTH = math.sqrt(70.0)  # of noise alone, differences of fourth order over its standard deviation
 LOUDEST = 16.0  # standard deviations of noise: what a residual may be
-MOST_NOISE = 1e-12  # of the larger of an unknown and its nominal value, what of f may be noise
+MOST_NOISE = 0.25e-12  # of the larger of an unknown and its nominal value: a last step may leave four times as much
 
 
 def move_on(base: int, u: Any, point: int, wider: float) -> None:

@@ -15,11 +15,10 @@ a wrong one costs evaluations, but no figure. Where steps by derivatives have mi
 Of an f that is rounded, as what an FMU iterates inside may be, derivatives know better what nothing determines. As they
 may cost more than f, steps go on by the same ones as long as that is cheaper.
 
-An unknown may be far smaller than what f adds up inside, as in cos(y/2 + 1.5708), where no slope tells it. Where steps
-no longer help, what f gives near by tells what of it is noise: as much is allowed, up to a part of the nominal value.
+An unknown may be far smaller than what f adds up inside, as in cos(y/2 + 1.5708). Where steps no longer help, what f
+gives near by tells what of it is noise, and as much is allowed.
 
-Equations of different members of a fleet that do not depend on each other are solved side by side. One source, two
-engines, as in `loop.py`.
+Equations of different members of a fleet that do not depend on each other are solved side by side. Two engines.
 """
 
 from __future__ import annotations
@@ -104,6 +103,7 @@ from cosim.master.unknowns import (
     R,
     Z,
     exchange,
+    is_quiet,
     piece,
     unit,
     unknowns,
@@ -138,7 +138,7 @@ def iterate(c: Any, base: int, o: int, time: float, later: float) -> int:
         if small and iteration == 0 and not first:
             status = disturb(c, base, o, time, later)
             regular = all_answer(base, u)
-        if small and regular:
+        if small and regular and is_quiet(base, u):
             return publish(c, base, o, status)
         if status <= WARNING and not are_numbers(base, u):
             status, again = fall_back(c, base, o, time, later), False
@@ -281,7 +281,7 @@ def aim(c: Any, base: int, o: int, time: float, later: float, difference: float,
     status = linearize(c, base, o, time, later, difference, along)
     if status > WARNING:
         return status, NONE
-    return status, find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(u))
+    return status, find_steps(c[ALIVE : ALIVE + 1], base, u, zero_of(base, u))
 
 
 def linearize(c: Any, base: int, o: int, time: float, later: float, difference: float, along: bool) -> int:

@@ -57,6 +57,14 @@ def vector(base: int, u: Any, number: int) -> Any:
     return reals_at(base + u[WORK] + number * size * 8, size)
 
 
+def is_quiet(base: int, u: Any) -> bool:
+    """Whether no noise is known of, which has slopes too, so that only coarse differences tell what determines z."""
+    fuzz, quiet = vector(base, u, FUZZ), True
+    for j in range(fuzz.size):
+        quiet = quiet and fuzz[j] == 0.0
+    return quiet
+
+
 def block_at(base: int, u: Any, number: int, b: int) -> int:
     """The address of the part of a vector that is block b's."""
     at: int = base + u[WORK] + (number * u[BLOCKS] + b) * u[EQUATIONS] * 8

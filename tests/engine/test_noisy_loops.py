@@ -22,13 +22,13 @@ EPSILON = 2.0**-52
 def solved(tmp_path):
     """The y that is f(y), of a block beside one that hands on. Raises: BlockFailed."""
 
-    def solve(text: str) -> float:
+    def solve(text: str, start: float = 0.0) -> float:
         (tmp_path / "d.yaml").write_text(
             f"""
 run: {{stop: 0.1, step: 0.1}}
 blocks:
   f: {{expression: "{text}", inputs: {{u: same.y}}}}
-  same: {{expression: "u", inputs: {{u: f.y}}}}
+  same: {{expression: "u", inputs: {{u: f.y}}, start: {{y: {start}}}}}
 """
         )
         built = program.build(run.load(tmp_path / "d.yaml"), "jacobi")
@@ -62,3 +62,25 @@ def test_a_small_residual_is_no_solution(solved, text):
     """f(y) - y is 1e-14 at least, and smooth."""
     with pytest.raises(BlockFailed, match=r"no solution was found|undetermined"):
         solved(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "u + 6.089040941128142e-14*(2 + sin(255376416375474.03*u))",
+        "u + 1.5e-12*(1.1 + floor(u/1.5e-12) - u/1.5e-12)",
+        "u + 1.4687613153819906e-12*(2 + sin(88326765876308.3*u))",
+    ],
+)
+@pytest.mark.parametrize("start", [1.0, 0.1, -1.7])
+def test_noise_determines_nothing(solved, text, start):
+    """f(y) - y is nowhere zero, and 1 - f' is, but for the slopes of noise."""
+    with pytest.raises(BlockFailed, match=r"no solution was found|undetermined"):
+        solved(text, start)
+
+
+@pytest.mark.parametrize("step", [2.5e-12, 3.4447312897688287e-12, 6e-12])
+def test_what_noise_may_leave_is_a_part_of_the_nominal_value(solved, step):
+    """f has no values but multiples of a step, and is nowhere nearer to y than 0.46 steps, more than 1e-12."""
+    with pytest.raises(BlockFailed, match="no solution was found"):
+        solved(f"floor((-3*u + 2.6*{step})/{step})*{step}", 1e-12)
