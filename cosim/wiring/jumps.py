@@ -25,8 +25,8 @@ ECHOES = 32  # how often a way back leads through one wire that is late
 class Behind:
     """What a wire depends on at one instant.
 
-    clocks: by which it jumps; strikes: whether it does at other times too, such as an event's. flows: whether it
-    changes between two jumps.
+    clocks: by which it jumps, also from start values; strikes: whether it does at other times too, such as an event's.
+    flows: whether it changes between two jumps.
     """
 
     clocks: tuple[Clock, ...]
@@ -65,6 +65,8 @@ def behind(network: Network, component: Component, port: str) -> Behind:
         if there.is_late(signal.variable):
             shift += there.couplings[signal.variable].shift
             echoes[signal] += 1
+            if signal.variable in there.given:
+                clocks[_once(network, shift)] = None
         writer = there.declaration.writer(signal.variable)
         strikes |= writer is not None and writer.held
         reads, changes = _reads(network, signal)
@@ -117,8 +119,14 @@ def _jumps(network: Network, component: Component, port: str) -> list[Clock]:
         return []
     clocks = [clock.later(coupling.shift) for clock in behind(network, component, port).clocks]
     if port in component.given and all(clock.offset > coupling.shift for clock in clocks):
-        clocks.append(Clock((run.steps + 1) * exact(run.step), coupling.shift))  # where it leaves its start value: once
+        clocks.append(_once(network, coupling.shift))
     return clocks
+
+
+def _once(network: Network, time: Fraction) -> Clock:
+    """When an input that is read late leaves its start value, at a time (s)."""
+    run = network.diagram.run
+    return Clock((run.steps + 1) * exact(run.step), time)
 
 
 def _unit(network: Network, delays: Iterable[Fraction]) -> Fraction:

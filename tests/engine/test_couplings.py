@@ -230,6 +230,36 @@ def test_a_delay_cuts_a_loop_and_its_start_value_the_initialization(wired, traje
         wired(text.replace(", start: {u: 3}", ""))
 
 
+START_VALUES = """
+run: {stop: 1, step: 0.1}
+blocks:
+  source: {own:Sine}
+  late: {own:Gain, inputs: {u: {from: source.y, delay: 0.2}}, start: {u: 5}}
+  x: {own:Integrator, inputs: {u: late.y}}
+  two: {own:Integrator, inputs: {u: nothing.y}, start: {x: 2}}
+  nothing: {own:Gain, parameters: {k: 0}, inputs: {u: two.x}}
+  first: {own:Gain, inputs: {u: {from: two.x, delay: 0.25}}, start: {u: 5}}
+  later: {own:Integrator, inputs: {u: {from: first.y, delay: 0.13}}}
+"""
+
+
+@pytest.mark.parametrize("step", [0.1, 0.025])
+def test_where_a_start_value_ends_an_extrapolation_begins_anew(wired, trajectories, step):
+    """dx/dt = 5 up to 0.2 s, then sin 3 (t - 0.2): the first step holds it, and then lines miss 5/12 h^3 of its bend.
+
+    A line through the jump would miss some 2 h.
+    """
+    network = wired(START_VALUES, "run.extrapolation=1", f"run.step={step}", "run.integrator=heun")
+    x = trajectories(network, "x.x", engine="python")["x.x"]
+    assert abs(x[-1] - (1.0 + (1.0 - math.cos(2.4)) / 3.0)) <= (1.5 + 5 / 12 * 3 * 1.8) * step**2
+
+
+def test_a_start_value_that_ends_arrives_through_a_second_delay(wired, trajectories):
+    """Which is read as 5 up to 0.25 + 0.13 s, between two points, and as 2 after that."""
+    x = trajectories(wired(START_VALUES, "run.integrator=heun"), "later.x", engine="python")["later.x"]
+    assert x[-1] == pytest.approx(5 * 0.38 + 2 * 0.62, abs=1e-14)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
