@@ -377,7 +377,7 @@ class TransportDelay(Block):
     x = State("n?", 2, description="states")
     y = Output("n?", description="delayed signal")
 
-    positive = rule("T > 0")(lambda T: bool(np.all(T > 0.0)))
+    positive = rule("T > 0, and finite")(lambda T: bool(np.all((T > 0.0) & np.isfinite(T))))
 
     def outputs(u, T, x, y):
         for q in range(y.size):

@@ -11,13 +11,13 @@ from cosim.blocks.matrices import cayley, double
 def is_covariance(Q: NDArray) -> bool:
     """Whether a matrix is symmetric, with no negative eigenvalue."""
     q = np.atleast_2d(Q)
-    return bool(np.allclose(q, q.T) and np.linalg.eigvalsh(q)[0] >= -1e-12 * abs(q).max())
+    return bool(np.all(np.isfinite(q)) and np.allclose(q, q.T) and np.linalg.eigvalsh(q)[0] >= -1e-12 * abs(q).max())
 
 
 def is_definite(R: NDArray) -> bool:
     """Whether a matrix is symmetric, with positive eigenvalues alone."""
     r = np.atleast_2d(R)
-    return bool(np.allclose(r, r.T) and np.linalg.eigvalsh(r)[0] > 0.0)
+    return bool(np.all(np.isfinite(r)) and np.allclose(r, r.T) and np.linalg.eigvalsh(r)[0] > 0.0)
 
 
 class Luenberger(Block):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cosim import Block, CalculatedParameter, Dimension, Input, Local, Output, Parameter, State, condition, rule
+from cosim.blocks.estimation_control import is_covariance
 from cosim.blocks.nonlinear import clamp
 
 POWER_STEPS = 100
@@ -109,6 +110,8 @@ class LinearMPC(Block):
     u = Output("m?", description="inputs of the system")
 
     ordered = rule("lower < upper")(lambda lower, upper: bool(np.all(np.less(lower, upper))))
+    weights = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
+    costs = rule("R is symmetric, with no negative eigenvalue")(lambda R: bool(is_covariance(R)))
     positive = rule("iterations >= 1")(lambda iterations: iterations >= 1)
 
     @condition("the plan is within a hundredth of its largest input")

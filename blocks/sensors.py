@@ -73,7 +73,9 @@ class Encoder(Block):
     y = Output("n?", unit="rad", description="angle of the count")
     counts = Output("n?", unit="1", description="counts")
 
-    positive = rule("counts_per_turn > 0")(lambda counts_per_turn: bool(np.all(counts_per_turn > 0.0)))
+    positive = rule("counts_per_turn > 0, and finite")(
+        lambda counts_per_turn: bool(np.all((counts_per_turn > 0.0) & np.isfinite(counts_per_turn)))
+    )
 
     def outputs(u, counts_per_turn, y, counts):
         for q in range(y.size):

@@ -11,7 +11,9 @@ EARLY = 2.0**-40
 
 
 def time_to(edge: float, time: float) -> float:
-    """The time to an edge (s): below zero at that time, to rounding, as it belongs to what follows."""
+    """The time to an edge (s): below zero at that time, to rounding, as it belongs to what follows; 1 if never."""
+    if math.isinf(edge):
+        return 1.0 if edge > 0.0 else -1.0
     return edge - time - EARLY * max(1.0, abs(edge))
 
 
@@ -50,7 +52,7 @@ class Step(Block):
 
     def start(time, at, after):
         for q in range(after.size):
-            after[q] = time >= at[q]
+            after[q] = time_to(at[q], time) < 0.0
 
     def outputs(initial, final, after, y):
         for q in range(y.size):
@@ -156,7 +158,9 @@ class Pulse(Block):
 
     def start(time, at, width, passed):
         for q in range(passed.size):
-            passed[q] = 0 if time < at[q] else (1 if time < at[q] + width[q] else 2)
+            passed[q] = 0
+            if time_to(at[q], time) < 0.0:
+                passed[q] = 2 if time_to(at[q] + width[q], time) < 0.0 else 1
 
     def outputs(high, low, passed, y):
         for q in range(y.size):
@@ -167,10 +171,11 @@ class Pulse(Block):
             edge = at[q] if passed[q] == 0 else at[q] + width[q]
             due[q] = time_to(edge, time) if passed[q] < 2 else 1.0
 
-    def event(due, passed, next_passed):
+    def event(time, at, width, due, passed, next_passed):
         for q in range(due.size):
-            if due[q] < 0:
-                next_passed[q] = passed[q] + 1
+            if due[q] < 0:  # a pulse that time cannot tell from none has both edges at once
+                both = passed[q] == 0 and time_to(at[q] + width[q], time) < 0.0
+                next_passed[q] = 2 if both else passed[q] + 1
 
 
 def edge_time(edges: int, frequency: float, duty: float, delay: float) -> float:
@@ -199,13 +204,13 @@ class Square(Block):
     y = Output("n?", description="the wave")
 
     fraction = rule("0 < duty < 1")(lambda duty: bool(np.all((duty > 0.0) & (duty < 1.0))))
-    positive = rule("frequency > 0")(lambda frequency: bool(np.all(frequency > 0.0)))
+    positive = rule("0 < frequency < 1e9 Hz")(lambda frequency: bool(np.all((frequency > 0.0) & (frequency < 1e9))))
 
     def start(time, frequency, duty, delay, edges):
         for q in range(edges.size):
-            cycle = math.floor((time - delay[q]) * frequency[q])
+            cycle = math.floor(max(0.0, time - delay[q]) * frequency[q])
             passed = max(0, 2 * cycle - 1)
-            while edge_time(passed, frequency[q], duty[q], delay[q]) <= time:
+            while time_to(edge_time(passed, frequency[q], duty[q], delay[q]), time) < 0.0:
                 passed += 1
             edges[q] = passed
 
@@ -217,10 +222,19 @@ class Square(Block):
         for q in range(due.size):
             due[q] = time_to(edge_time(edges[q], frequency[q], duty[q], delay[q]), time)
 
-    def event(due, edges, next_edges):
+    def event(time, frequency, duty, delay, due, edges, next_edges):
         for q in range(due.size):
+            passed = edges[q]
             if due[q] < 0:
-                next_edges[q] = edges[q] + 1
+                passed += 1
+                while time_to(edge_time(passed, frequency[q], duty[q], delay[q]), time) < 0.0:
+                    passed += 1
+            next_edges[q] = passed
+
+
+def ascend(times: NDArray) -> bool:
+    """Whether numbers are finite, each above the one before."""
+    return bool(np.all(np.isfinite(times)) and np.all(np.diff(times) > 0.0))
 
 
 def knot_time(number: int, times: NDArray, repeat: bool) -> float:
@@ -251,13 +265,13 @@ class TableSource(Block):
     due = Indicator(crossing="falling", unit="s", description="time to the next knot")
     y = Output("n?", description="the signal")
 
-    ascending = rule("times ascending")(lambda times: bool(np.all(np.diff(times) > 0.0)))
+    ascending = rule("times ascending")(ascend)
 
     def start(time, times, repeat, passed):
         first, last = times[0], times.size - 1
         begun = math.floor((time - first) / (times[last] - first)) * last if repeat and last > 0 else 0
         for _ in range(times.size):
-            if knot_time(begun, times, repeat) <= time:
+            if time_to(knot_time(begun, times, repeat), time) < 0.0:
                 begun += 1
         passed[0] = begun
 
@@ -276,9 +290,12 @@ class TableSource(Block):
                 y[q] += part * (values[k + 1, q] - below)
 
     def indicators(time, times, repeat, passed, due):
-        knot = knot_time(passed, times, repeat)
-        due[0] = time_to(knot, time) if knot < math.inf else 1.0
+        due[0] = time_to(knot_time(passed, times, repeat), time)
 
-    def event(due, passed, next_passed):
+    def event(time, times, repeat, due, passed, next_passed):
         if due < 0:
-            next_passed[0] = passed + 1
+            knots = passed + 1
+            for _ in range(times.size):
+                if time_to(knot_time(knots, times, repeat), time) < 0.0:
+                    knots += 1
+            next_passed[0] = knots

@@ -1,9 +1,9 @@
 """Look-up tables in one and two dimensions, by lines between their points."""
 
-import numpy as np
 from numpy.typing import NDArray
 
 from cosim import Block, Indicator, Input, Output, Parameter, rule
+from cosim.blocks.sources import ascend
 
 
 def interval(points: NDArray, value: float) -> int:
@@ -60,9 +60,7 @@ class LookUp1D(Block):
     corner = Indicator("n?", description="distance from the next point of the table")
     y = Output("n?", description="value")
 
-    ascending = rule("points ascending, two at least")(
-        lambda points: bool(len(points) > 1 and np.all(np.diff(points) > 0.0))
-    )
+    ascending = rule("points ascending, two at least")(lambda points: len(points) > 1 and ascend(points))
 
     def outputs(u, points, values, extrapolate, y):
         for q in range(y.size):
@@ -95,7 +93,7 @@ class LookUp2D(Block):
     y = Output("n?", description="value")
 
     ascending = rule("points_1 and points_2 ascending, two each at least")(
-        lambda points_1, points_2: all(len(p) > 1 and bool(np.all(np.diff(p) > 0.0)) for p in (points_1, points_2))
+        lambda points_1, points_2: all(len(p) > 1 and ascend(p) for p in (points_1, points_2))
     )
 
     def outputs(u_1, u_2, points_1, points_2, values, y):

@@ -228,7 +228,7 @@ class _Dimensions:
         return WrongShape(message, value.position, "give a list of that shape, or one number for all elements")
 
 
-def report_unsolved(components: dict[str, Component], problems: Problems) -> None:
+def report_unsolved(components: dict[str, Component], values: Values, problems: Problems) -> None:
     """An UnsolvedDimension for every named dimension that nothing determines."""
     for component in components.values():
         opened = {open_dimension(v) for v in component.declaration.variables.values()}
@@ -237,22 +237,40 @@ def report_unsolved(components: dict[str, Component], problems: Problems) -> Non
                 f"block {component.name}: nothing determines the dimension `{name}` of {component.declaration.name}"
             )
             fix = f"add `{name}: <size>` under blocks.{component.name}.dimensions"
-            problems.add(UnsolvedDimension(message, component.entry.position, fix))
+            filled = _filled(component, name, values)
+            if filled:
+                variable, value = filled
+                one = f"{'[' * len(variable.shape)}{value.content}{']' * len(variable.shape)}"
+                fix = f"write `{variable.name}: {one}` where it is one number, or {fix}"
+            problems.add(UnsolvedDimension(message, filled[1].position if filled else component.entry.position, fix))
+
+
+def _filled(component: Component, dimension: str, values: Values) -> tuple[Variable, Value] | None:
+    """The first variable with a dimension for which the diagram gives one number, which would fill it."""
+    for variable in component.declaration.variables.values():
+        value = values.get((component.name, variable.name))
+        if variable.name in component.given and value and value.shape == () and dimension in variable.shape:
+            return variable, value
+    return None
 
 
 def report_sizes(components: dict[str, Component], values: Values, problems: Problems) -> None:
-    """A WrongShape for every variable with an axis of 0 elements, or of more than kernels can count.
+    """A WrongShape for every block with an axis of 0 elements, or of more than kernels can count.
 
-    Kernels are compiled for sizes from 1 to 2^31 - 1.
+    Kernels are compiled for sizes from 1 to 2^31 - 1. It names what is given of such a size, else what has it first.
     """
-    for component in components.values():
-        for variable in component.declaration.variables.values():
-            axes = component.signal_axes(variable)
-            wrong = next((a.size for a in axes or () if not 0 < a.size < 1 << 31), None)
-            if wrong is None or component.declaration.foreign:
-                continue
+    for component in (c for c in components.values() if not c.declaration.foreign):
+        several = component.declaration.variables.values()
+        wrong = {v: size for v in several for size in [_wrong_size(component, v)] if size is not None}
+        if wrong:
+            variable = next((v for v in wrong if v.name in component.given), next(iter(wrong)))
             named = component.entry.dimensions.values()
             value = values.get((component.name, variable.name))
             place = value.position if value else next((n.position for n in named), component.entry.position)
-            message = f"block {component.name}: `{variable.name}` has an axis of {wrong} elements"
+            message = f"block {component.name}: `{variable.name}` has an axis of {wrong[variable]} elements"
             problems.add(WrongShape(message, place, "every dimension has from 1 to 2147483647 elements"))
+
+
+def _wrong_size(component: Component, variable: Variable) -> int | None:
+    """The size of an axis that is none for a kernel."""
+    return next((a.size for a in component.signal_axes(variable) or () if not 0 < a.size < 1 << 31), None)

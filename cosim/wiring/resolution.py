@@ -93,7 +93,7 @@ def _size(draft: Draft) -> None:
     if draft.is_whole():
         draft.problems.attempt(_order, draft)
     if draft.is_whole():  # else what is missing may only be a consequence
-        dimensions.report_unsolved(draft.components, draft.problems)
+        dimensions.report_unsolved(draft.components, draft.values, draft.problems)
     if not sizes.fit(draft.components.values(), draft.problems):
         draft.problems.raise_if_any()
     draft.problems.attempt(sizes.require_of_loops, draft.network())

@@ -104,3 +104,32 @@ def test_a_lag_of_no_input_and_sampled_blocks_without_a_period(tmp_path):
     path.write_text("run: {stop: 1, step: 0.1}\nblocks:\n  b: {block: FirstOrder}\n")
     with pytest.raises(DiagramErrors, match="input `u` is not connected"):
         run.load(path)
+
+
+def _diagram(path, block, parameters, inputs=""):
+    path.write_text(
+        "run: {stop: 0.5, step: 0.125}\nblocks:\n  s: {block: Sine}\n  v: {block: Sine, parameters: {phase: [0, 1]}}\n"
+        f"  b: {{block: {block}, inputs: {{{inputs}}},\n      parameters: {{{parameters}}}}}\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("block", "parameters", "inputs", "said", "fix"),
+    [
+        ("TransferFunction", "denominator: []", "u: s.y", "`denominator` has an axis of 0 elements", ""),
+        ("Luenberger", "A: 0.9, B: 1, C: 1, L: 0.1", "u: s.y, y: s.y", "nothing determines the", "`A: [[0.9]]`"),
+        ("LQR", "A: [[0, 1], [0, 0]], B: [[0], [1]], Q: 1", "x: v.y", "`Q` is a square matrix", "[[1, 0], [0, 1]]"),
+        ("LQR", "A: [[0, 1], [0, 0]], B: [[0], [1]], Q: [1, 2]", "x: v.y", "`Q` is a square matrix", "one row"),
+        ("LinearMPC", "A: [[1]], B: [[1]], Q: [[1]], R: -1", "x: [0]", "R is symmetric, with no negative", ""),
+        ("LinearMPC", "A: [[1]], B: [[1]], Q: [[-1]]", "x: [0]", "Q is symmetric, with no negative", ""),
+        ("LookUp1D", "points: [0, inf], values: [0, 1]", "u: s.y", "points ascending", ""),
+        ("Square", "frequency: 1.0e+20", "", "0 < frequency < 1e9 Hz", ""),
+        ("TransportDelay", "T: inf", "u: s.y", "T > 0, and finite", ""),
+    ],
+)
+def test_values_that_would_give_wrong_figures_are_refused(tmp_path, block, parameters, inputs, said, fix):
+    with pytest.raises(DiagramErrors) as caught:
+        run.load(_diagram(tmp_path / "d.yaml", block, parameters, inputs))
+    assert said in str(caught.value) and fix in str(caught.value)
+    assert "d.yaml:" in str(caught.value) and "cannot be judged" not in str(caught.value)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tests.blocks.library_runs import run_block
+from tests.blocks.library_runs import run_block, run_diagram
 
 TIMES = np.linspace(0.0, 2.0, 2001)
 
@@ -119,3 +119,18 @@ def test_a_repeated_table_begins_where_time_does():
     at = 0.5 + (np.linspace(0, 2, 201) - 0.5) % 0.011
     expected = np.interp(at, [0.5, 0.504, 0.511], [1, 3, 1])
     np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_edges_that_time_cannot_tell_apart_are_not_missed():
+    """An edge nearer to a run's begin, or to the edge before it, than time can tell is passed with it."""
+    blocks = {
+        "step": ("Step", "at: 1.0e-14", 1.0),
+        "never": ("Step", "at: inf", 0.0),
+        "pulse": ("Pulse", "at: 0.2, width: 1.0e-15", 0.0),
+        "square": ("Square", "duty: 1.0e-15, frequency: 3", -1.0),
+        "table": ("TableSource", "times: [0.1, 0.1000000000000002, 1], values: [1, 2, 2]", 2.0),
+    }
+    lines = [f"  {name}: {{block: {block}, parameters: {{{given}}}}}" for name, (block, given, _) in blocks.items()]
+    text = "\n".join(["run: {stop: 0.5, step: 0.125}", "blocks:", *lines, ""])
+    found = run_diagram(text, *(f"{name}.y" for name in blocks))
+    assert {name: found[f"{name}.y"][-1] for name in blocks} == {name: last for name, (_, _, last) in blocks.items()}
