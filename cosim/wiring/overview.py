@@ -8,7 +8,7 @@ from cosim.errors import CosimError
 from cosim.language import source
 from cosim.language.diagram import Diagram
 from cosim.language.swaps import Swap
-from cosim.wiring import conditions, loops, order, windows
+from cosim.wiring import conditions, loops, order, unseen_jumps, windows
 from cosim.wiring.network import Component, Finding, Loop, Network
 
 _SHOWN = 40
@@ -107,7 +107,7 @@ def describe(network: Network) -> Overview:
         loops=(*rings, *(ring for ring in _rings(network, first=True) if ring.torn not in {r.torn for r in rings})),
         findings=tuple(findings),
         open=tuple(Open(c.name, r.text, r.source) for c, r, _ in conditions.along(network)) if whole else (),
-        warnings=(*warnings, *broken),
+        warnings=(*warnings, *broken, *(unseen_jumps.warnings(network) if whole else ())),
         requirements={name: entry.text for name, entry in network.diagram.requirements.items()},
     )
 

@@ -1,0 +1,29 @@
+"""Which expressions `cosim check` warns of: those that may jump within an integrator's step."""
+
+import pytest
+
+from cosim.engine import run
+from cosim.wiring.overview import describe
+
+
+@pytest.mark.parametrize(
+    ("law", "reader", "column"),
+    [
+        ('{expression: "2*if(u > 0, 1, -1)", inputs: {u: ramp.y}}', "Integrator", 27),
+        ('{expression: "u + floor(time)", inputs: {u: ramp.y}}', "Integrator", 26),
+        ('{expression: "if(u > 0, 1, -1)", inputs: {u: ramp.y}, period: 0.1}', "Integrator", None),  # held anyway
+        ('{expression: "if(u > 0, 1, -1)", inputs: {u: hold.y}}', "Integrator", None),  # jumps at samples only
+        ('{expression: "if(u > 0, 1, -1)", inputs: {u: ramp.y}}', "Gain", None),  # integrated by nothing
+        ('{expression: "u*abs(u) + max(u, 0)", inputs: {u: ramp.y}}', "Integrator", None),  # does not jump
+    ],
+)
+def test_what_jumps_where_it_is_integrated(tmp_path, law, reader, column):
+    path = tmp_path / "d.yaml"
+    path.write_text(
+        "run: {stop: 1.5, step: 0.1, integrator: rk4, method: joint}\nblocks:\n  ramp: {block: Ramp}\n"
+        "  hold: {block: ZeroOrderHold, period: 0.1, inputs: {u: ramp.y}}\n"
+        f"  law: {law}\n  gain: {{block: Gain, inputs: {{u: law.y}}}}\n"
+        f"  sum: {{block: {reader}, inputs: {{u: gain.y}}}}\n"
+    )
+    said = [warning for warning in describe(run.load(path)).warnings if "may jump within a step" in str(warning)]
+    assert [str(warning).split(":")[1:3] for warning in said] == ([["5", str(column)]] if column else [])
