@@ -33,7 +33,7 @@ from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
 from cosim.requirements.verdict import Verdict
 from cosim.results.result_writer import ResultWriter
-from cosim.wiring import conditions, resolution
+from cosim.wiring import conditions, resolution, unseen_jumps
 from cosim.wiring.network import Finding, Network
 
 FLUSH_SECONDS = 1.0
@@ -91,7 +91,7 @@ class Run:
         self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
         self._kernels = prepared[1] if prepared else None
         self.steps = _steps(network, until)
-        self.looks = prepared is None  # whether equal steps are stable: of many runs nobody asks
+        self.looks = prepared is None  # whether equal steps are stable, and see all jumps: of many runs nobody asks
         self.unstable: list[CosimError] = []
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self.samples = Kept(network, _probes(self.network, self.reductions)[1]) if kept else None
@@ -232,6 +232,7 @@ class Run:
         judged, warnings, signal = _judged(self.network, self.reductions)
         failed = [conditions.as_warning(self.network, finding) for finding in judged if finding.holds is False]
         coarse = _coarse(self.network, self.simulation)
+        unseen = unseen_jumps.warnings(self.network) if self.looks else ()
         return Outcome(
             diagram=str(diagram.path),
             status="interrupted" if signal else status,
@@ -247,7 +248,7 @@ class Run:
             error=error,
             events=self.reductions.events(),
             signal=signal,
-            warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse],
+            warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse, *unseen],
             conditions=judged,
             requirements=self.reductions.verdicts(status == "completed" and self.steps == diagram.run.steps),
             units=self.reductions.units,

@@ -1,4 +1,4 @@
-"""Which expressions `cosim check` warns of: those that may jump within an integrator's step."""
+"""Which expressions `cosim check` and `cosim run` warn of: those that may jump within an integrator's step."""
 
 import pytest
 
@@ -27,3 +27,5 @@ def test_what_jumps_where_it_is_integrated(tmp_path, law, reader, column):
     )
     said = [warning for warning in describe(run.load(path)).warnings if "may jump within a step" in str(warning)]
     assert [str(warning).split(":")[1:3] for warning in said] == ([["5", str(column)]] if column else [])
+    outcome = run.Run(run.load(path), "python").execute()
+    assert [*map(str, said)] == [str(w) for w in outcome.warnings if "may jump within a step" in str(w)]
