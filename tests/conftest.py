@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from cosim.engine import compilation, program, run
+from cosim.engine import compilation, loop_code, program, run
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
+from cosim.machine import cache
 from cosim.wiring.network import Network, Signal
 
 # The same examples at every run: a test that fails here fails everywhere. `--hypothesis-profile search` draws new ones.
@@ -26,6 +27,21 @@ for _number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.
         signal.signal(_number, signal.default_int_handler if _number == signal.SIGINT else signal.SIG_DFL)
 
 BLOCKS = Path(__file__).with_name("signal_blocks.py")
+
+
+@pytest.fixture(scope="session")
+def loop_entry() -> tuple[str, bytes]:
+    """What the cache of compiled code has of the loop: a name, and code."""
+    module = loop_code.compile_loop()
+    return f"{module.name}-{module.key}", module.code
+
+
+@pytest.fixture
+def new_cache(loop_entry, tmp_path, monkeypatch) -> Path:
+    """A cache of the test's own that has the loop alone, which takes longer to compile than a diagram's blocks."""
+    monkeypatch.setenv("COSIM_CACHE", str(tmp_path / "cache"))
+    cache.write(*loop_entry)
+    return tmp_path / "cache"
 
 
 @pytest.fixture

@@ -146,8 +146,7 @@ def compiled(network, name="spring"):
     return compilation.compile_program(program.build(network, network.diagram.run.method)).modules[name]
 
 
-def test_the_same_expression_is_compiled_once_whatever_its_numbers(tmp_path, monkeypatch):
-    monkeypatch.setenv("COSIM_CACHE", str(tmp_path / "cache"))
+def test_the_same_expression_is_compiled_once_whatever_its_numbers(tmp_path, new_cache):
     text = SPRING.format("k*(x_ref - x) - d*v*0.125")
     assert compiled(load(tmp_path, text)).compiled_now
     same = [

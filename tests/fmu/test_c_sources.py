@@ -23,9 +23,8 @@ ONE_SET = """<BuildConfiguration modelIdentifier="told" {more}><SourceFileSet la
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
+def own_cache(new_cache):
     """A cache of object code for each test."""
-    monkeypatch.setenv("COSIM_CACHE", str(tmp_path / "cache"))
 
 
 @pytest.fixture

@@ -200,16 +200,14 @@ print(repr([(row["metrics"], row["requirements"]) for row in found.rows()]))
 """
 
 
-def test_a_hundred_members_on_four_threads_ten_times(tmp_path):
-    """Each time in a process of its own: the same margins, without a crash, also where nothing is compiled yet."""
+def test_a_hundred_members_on_four_threads_ten_times(tmp_path, new_cache):
+    """Each in a process of its own: the same margins, without a crash, also where only the loop is compiled."""
     written(tmp_path, NESTED, "diagram.yaml")
     path = written(tmp_path, DRAWN, "study.yaml")
     printed = set()
     for k in range(10):
-        cold = {"COSIM_CACHE": str(tmp_path / f"cache{k}")} if k < 2 else {}
         done = subprocess.run(
             [sys.executable, "-c", THREADS, str(path), str(tmp_path / f"results{k}")],
-            env={**os.environ, **cold},
             capture_output=True,
             text=True,
             check=False,

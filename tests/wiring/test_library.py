@@ -253,8 +253,8 @@ BLOCK_FILE = LAG.format(T=1.0)
 
 
 def test_what_a_file_prints_while_it_is_imported_goes_to_standard_error(tmp_path):
-    text = "import os, subprocess, sys\nprint('one')\nsubprocess.run([sys.executable, '-c', 'print(\"two\")'])\n"
-    (tmp_path / "mine.py").write_text(text + "os.write(1, b'three')\n" + BLOCK_FILE)
+    text = "import os, subprocess, sys\nprint('uno')\nsubprocess.run([sys.executable, '-c', 'print(\"duo\")'])\n"
+    (tmp_path / "mine.py").write_text(text + "os.write(1, b'tres')\n" + BLOCK_FILE)
     (tmp_path / "d.yaml").write_text(
         "run: {stop: 0.1, step: 0.1}\nblocks:\n  a: {python: 'mine.py:Lag', start: {u: 0}}\n"
     )
@@ -267,8 +267,8 @@ def test_what_a_file_prints_while_it_is_imported_goes_to_standard_error(tmp_path
         check=False,
     )
     assert done.returncode == 2 or json.loads(done.stdout)["status"] == "completed", done.stderr
-    assert not {"one", "two", "three"} & set(done.stdout.split()) and len(done.stdout.splitlines()) == 1
-    assert all(word in done.stderr for word in ("one", "two", "three"))
+    assert not {"uno", "duo", "tres"} & set(done.stdout.split()) and len(done.stdout.splitlines()) == 1
+    assert all(word in done.stderr for word in ("uno", "duo", "tres"))
 
 
 @pytest.mark.parametrize("leave", ["os._exit(0)", "posix._exit(0)", "sys.exit(0)", "quit()", "raise SystemExit"])
