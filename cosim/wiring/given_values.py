@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cosim.authoring.variables import Input, Parameter, Period, State, Variable
-from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongShape, WrongValue
+from cosim.errors import CosimError, MissingParameter, UnknownParameter, WrongValue
 from cosim.language.source import Node
 from cosim.language.values import Value
 from cosim.wiring import limits, meaning
@@ -105,22 +105,7 @@ def array(component: Component, variable: Variable, value: Value, fleets: Mappin
     if variable.items:
         _check_items(variable, value, numbers)
     limits.check(component, variable, numbers, value.position)
-    _check_square(component, variable, value, numbers)
     return numbers
-
-
-def _check_square(component: Component, variable: Variable, value: Value, numbers: np.ndarray) -> None:
-    """Raises: WrongShape for a number or a row that would fill a square matrix: somebody may mean the diagonal."""
-    own = component.own_axes(variable)
-    square = len(variable.shape) == 2 and variable.shape[0] == variable.shape[1] and not component.declaration.foreign
-    size = numbers.shape[-1] if square and own and own[0].fleet is None else 1
-    given = len(value.shape) - (component.fleet is not None and value.shape[:1] == (component.count,))
-    if size > 1 and given < 2 and numbers.any():
-        kind = "one row" if value.shape else "one number"
-        what = f"`{variable.name}` is a square matrix of {size} rows, and {kind} may mean all of it or its diagonal"
-        rows = ", ".join(f"[{', '.join('1' if i == j else '0' for j in range(size))}]" for i in range(min(size, 3)))
-        fix = f"write its rows, such as [{rows}{', …' if size > 3 else ''}]"
-        raise WrongShape(f"block {component.name}: {what}", value.position, fix)
 
 
 def _check_items(variable: Variable, value: Value, numbers: np.ndarray) -> None:

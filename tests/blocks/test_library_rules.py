@@ -119,8 +119,6 @@ def _diagram(path, block, parameters, inputs=""):
     [
         ("TransferFunction", "denominator: []", "u: s.y", "`denominator` has an axis of 0 elements", ""),
         ("Luenberger", "A: 0.9, B: 1, C: 1, L: 0.1", "u: s.y, y: s.y", "nothing determines the", "`A: [[0.9]]`"),
-        ("LQR", "A: [[0, 1], [0, 0]], B: [[0], [1]], Q: 1", "x: v.y", "`Q` is a square matrix", "[[1, 0], [0, 1]]"),
-        ("LQR", "A: [[0, 1], [0, 0]], B: [[0], [1]], Q: [1, 2]", "x: v.y", "`Q` is a square matrix", "one row"),
         ("LinearMPC", "A: [[1]], B: [[1]], Q: [[1]], R: -1", "x: [0]", "R is symmetric, with no negative", ""),
         ("LinearMPC", "A: [[1]], B: [[1]], Q: [[-1]]", "x: [0]", "Q is symmetric, with no negative", ""),
         ("LookUp1D", "points: [0, inf], values: [0, 1]", "u: s.y", "points ascending", ""),
