@@ -115,7 +115,7 @@ def test_another_importer_finds_the_bounces(exported, version, mode):
 
 @pytest.mark.parametrize(("version", "mode"), BOTH)
 def test_each_crossing_is_counted_once(exported, tmp_path, version, mode):
-    """cos(t) is zero at pi/2 + k pi, in both directions; -sin(t) falls through zero at 2 k pi, and begins at zero."""
+    """cos(t) is zero at pi/2 + k pi, in both directions; -sin(t) falls through zero at 2 k pi, from k = 0."""
     text = f"""
 run: {{stop: 30, step: 0.1, integrator: rk4}}
 blocks: {{p: {{fmu: {exported["pendulum", version]}, mode: {mode}}}}}
@@ -127,7 +127,7 @@ record: {{signals: [p.n, p.tops]}}
     with open_result(tmp_path / "d.nc") as result:
         wanted = np.floor(result.times / math.pi + 0.5)
         assert np.array_equal(result["p.n"], np.stack([wanted, wanted], 1))
-        assert result["p.tops"][-1] == math.floor(30 / (2 * math.pi))
+        assert result["p.tops"][-1] == 1 + math.floor(30 / (2 * math.pi))
 
 
 @pytest.mark.parametrize("engine", ["native", "python"])
