@@ -104,9 +104,8 @@ class Run:
         began = clock.perf_counter()
         kernels = self._kernels
         if kernels is None:
-            kernels = self._kernels = compilation.compile_program(
-                self._program
-            )  # interpreted too: both refuse the same
+            kernels = compilation.compile_program(self._program)  # interpreted too: both refuse the same
+            self._kernels = kernels
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
         if self.engine == "native":
             kernels.load()
