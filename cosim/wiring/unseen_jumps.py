@@ -22,8 +22,8 @@ def warnings(network: Network) -> Iterator[CosimError]:
         if component.entry.kind != "expression" or component.is_sampled or not _is_integrated(network, component):
             continue
         for node in outputs_of(component.entry.type).values():
-            found = _jump(expression_tree.read(str(node.value)))
-            if found and _moves(network, component, found):
+            jumps = _jumps(expression_tree.read(str(node.value)))
+            if found := next((part for part in jumps if _moves(network, component, part)), None):
                 what = f"`{shown(found.text)}` may jump within a step, and an expression declares no events"
                 fix = "take Switch, Sign, Compare or a block of your own, whose jumps are; or ask `cosim accuracy`"
                 message = f"block {component.name}: {what}: figures may be wrong by as much as a step makes"
@@ -31,16 +31,15 @@ def warnings(network: Network) -> Iterator[CosimError]:
                 break
 
 
-def _jump(expression: Expression) -> Applied | None:
-    """The first part that jumps."""
+def _jumps(expression: Expression) -> Iterator[Applied]:
+    """The parts that may jump, the outermost first."""
     waiting = [expression]
     while waiting:
         part = waiting.pop(0)
         if isinstance(part, Applied):
             if part.operation in JUMPING:
-                return part
+                yield part
             waiting += part.operands
-    return None
 
 
 def _moves(network: Network, component: Component, part: Applied) -> bool:

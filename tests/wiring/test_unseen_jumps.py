@@ -11,6 +11,8 @@ from cosim.wiring.overview import describe
     [
         ('{expression: "2*if(u > 0, 1, -1)", inputs: {u: ramp.y}}', "Integrator", 27),
         ('{expression: "u + floor(time)", inputs: {u: ramp.y}}', "Integrator", 26),
+        ('{expression: "if(k > 0, 1, -1) + floor(u)", parameters: {k: 1}, inputs: {u: ramp.y}}', "Integrator", 41),
+        ('{expression: "if(k > 0, 1, -1)*u", parameters: {k: 1}, inputs: {u: ramp.y}}', "Integrator", None),  # constant
         ('{expression: "if(u > 0, 1, -1)", inputs: {u: ramp.y}, period: 0.1}', "Integrator", None),  # held anyway
         ('{expression: "if(u > 0, 1, -1)", inputs: {u: hold.y}}', "Integrator", None),  # jumps at samples only
         ('{expression: "if(u > 0, 1, -1)", inputs: {u: ramp.y}}', "Gain", None),  # integrated by nothing
