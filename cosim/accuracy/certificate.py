@@ -39,10 +39,8 @@ ENDINGS = {"diverged": "diverges", "failed": "fails", "terminated": "is ended"}
 class Certificate:
     """How sure the figures of a diagram are. steps: those that were compared (s). notes: what to bear in mind.
 
-    requirements: how sure their margins are.
-
-    runs: how many, and cost: as how many runs of the diagram; seconds: of wall-clock time. warnings: of what is
-    unstable at the diagram's step, where all figures may agree and be wrong.
+    requirements: how sure their margins are. runs: how many, and cost: as how many runs of the diagram; seconds: of
+    wall-clock time. warnings: of what is unstable at the diagram's step, where all figures may agree and be wrong.
     """
 
     diagram: str

@@ -13,6 +13,7 @@ from cosim.language.source import Node
 from cosim.requirements import terms
 from cosim.requirements.terms import Scope, Seen
 from cosim.study.definition import Fit, Measured, Sighting
+from cosim.wiring import required
 from cosim.wiring.network import Network
 
 
@@ -128,10 +129,7 @@ def _unit(measured: Measured, network: Network) -> str:
     """The signal's unit, "" where it is not known. Raises: CosimError for what is not one number."""
 
     def look(text: str, _position: object) -> Seen:
-        signal = network.find(text, measured.node.place)
-        axes, variable = network.axes(signal), network.variable(signal)
-        shape, fleets = tuple(axis.size for axis in axes), tuple(axis.fleet for axis in axes)
-        return Seen(signal, shape, fleets, variable.dtype, variable.unit)
+        return required.seen(network, network.find(text, measured.node.place))
 
     try:
         found = terms.signal(Mention(measured.signal, measured.index, 0), Scope(look, lambda at: measured.node.place))

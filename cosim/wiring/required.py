@@ -8,7 +8,7 @@ from cosim.language.requirement import RequirementEntry, told
 from cosim.requirements.monitor import Monitor
 from cosim.requirements.terms import Look, Scope, Seen
 from cosim.wiring import sizes
-from cosim.wiring.network import Network
+from cosim.wiring.network import Network, Signal
 
 BEYOND = 1e-9  # of a time: as near as that, a window ends with the run
 
@@ -51,14 +51,13 @@ def _look(network: Network, entry: RequirementEntry) -> Look:
         if member and not member.isdigit():
             message = f"`{text}` is {entry.signals[text].value}, several members"
             raise FormulaError(message, position, "let the diagram's output show one member, or all")
-        axes, variable = network.axes(signal), network.variable(signal)
-        return Seen(
-            signal,
-            tuple(axis.size for axis in axes),
-            tuple(axis.fleet for axis in axes),
-            variable.dtype,
-            variable.unit,
-            (int(member),) if member else (),
-        )
+        return seen(network, signal, (int(member),) if member else ())
 
     return look
+
+
+def seen(network: Network, signal: Signal, index: tuple[int, ...] = ()) -> Seen:
+    """A signal as formulas see it; index: as of `Seen`."""
+    axes, variable = network.axes(signal), network.variable(signal)
+    shape, fleets = tuple(axis.size for axis in axes), tuple(axis.fleet for axis in axes)
+    return Seen(signal, shape, fleets, variable.dtype, variable.unit, index)
