@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -77,19 +77,28 @@ def module(name: str, sources: Iterable[KernelSource]) -> Module:
     Raises: KernelError, naming the function that the compiler cannot take.
     """
     sources = tuple(sources)
-    key = _key([s.symbol + s.fingerprint for s in sources])
-    entry = _entry(name, key)
-    once = next((reason for s in sources if (reason := obstacle(s.fingerprint))), "")
-    code = None if once else cache.read(entry)
-    if code is not None:
-        return Module(name, code, key, False, sources)
+    if found := kept(name, sources):
+        return found
+    once = _obstacle(sources)
     _say(name.partition("-")[0], once)
     from cosim.compiling import compiler
 
-    code = compiler.compile_object(name, sources)
+    code, key = compiler.compile_object(name, sources), _key(s.symbol + s.fingerprint for s in sources)
     if not once:
-        cache.write(entry, code)
+        cache.write(_entry(name, key), code)
     return Module(name, code, key, True, sources)
+
+
+def kept(name: str, sources: Sequence[KernelSource]) -> Module | None:
+    """The compiled sources from the cache; None where they are not in it."""
+    key = _key(s.symbol + s.fingerprint for s in sources)
+    code = None if _obstacle(sources) else cache.read(_entry(name, key))
+    return None if code is None else Module(name, code, key, False, tuple(sources))
+
+
+def _obstacle(sources: Iterable[KernelSource]) -> str:
+    """What keeps the sources from being kept, if anything."""
+    return next((reason for s in sources if (reason := obstacle(s.fingerprint))), "")
 
 
 def _entry(name: str, key: str) -> str:
@@ -116,13 +125,9 @@ def block_module(declaration: Declaration, constants: dict[str, int]) -> Module:
 
 def raw_module(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> Module:
     """Compiled functions of a time and two addresses, each behind the kernel ABI under its own name."""
-    return module(name, _raw_sources(name, functions))
+    return module(name, raw_sources(name, functions))
 
 
-def is_kept(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> bool:
-    """Whether `raw_module` finds them in the cache."""
-    return cache.read(_entry(name, _key([s.symbol + s.fingerprint for s in _raw_sources(name, functions)]))) is not None
-
-
-def _raw_sources(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> list[KernelSource]:
-    return [raw_source(name, function) for function in functions]
+def raw_sources(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> tuple[KernelSource, ...]:
+    """What `raw_module` compiles."""
+    return tuple(raw_source(name, function) for function in functions)

@@ -28,7 +28,10 @@ def compiled_beside() -> Iterator[Callable[[], kernels.Module]]:
     Whatever becomes of the other process, the module is as `compile_loop` gives it: what is not in the cache at the
     end is compiled here.
     """
-    if parallel.processors() == 1 or not cache.is_usable() or kernels.is_kept("engine", _FUNCTIONS):
+    if kept := kernels.kept("engine", kernels.raw_sources("engine", _FUNCTIONS)):
+        yield lambda: kept
+        return
+    if parallel.processors() == 1 or not cache.is_usable():
         yield compile_loop
         return
     notices.progress("compiling engine, once…")
