@@ -111,6 +111,12 @@ def test_every_variant_and_a_metric_have_their_own_and_as_many_draws(tmp_path, c
     assert verdicts["last", "fast"]["verdict"] == "above 20.00 %"
     draws = max(one["draws"] for one in answer["until"])
     assert answer["members"] == 2 * draws
+    main(["study", str(tmp_path / "study.yaml"), "--results", str(tmp_path / "results")])
+    shown = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    for one in answer["until"]:  # the table says the same
+        low, high = (f"{100 * end:.3g}" for end in one["probability"])
+        counted = f"{one['variant']} {one['name']} {one['violated']} of {one['draws']}"
+        assert f"{counted} {low} … {high} %, {100 * one['confidence']:g} % {one['verdict']}" in shown
 
 
 def test_what_is_not_known_after_all_draws_is_said(tmp_path, capsys):
@@ -131,6 +137,7 @@ def test_what_is_not_known_after_all_draws_is_said(tmp_path, capsys):
         ("count: 400", "method: sobol, count: 400", "are no independent trials"),
         ("random: {count: 400, seed: 3, draws: {blocks.x.start.x: {uniform: [0, 1]}}}", "", "needs draws"),
         ("confidence: 0.95", "confidence: 95", "must be a number from 0.5 to 1"),
+        ("confidence: 0.95", "confidence: 1", "nor anything with certainty"),
     ],
 )
 def test_a_mistake_has_its_place(tmp_path, capsys, old, new, told):

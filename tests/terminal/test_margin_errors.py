@@ -66,3 +66,11 @@ def test_a_violation_is_a_violation_whatever_its_error(judged):
 def test_accuracy_has_a_table_of_margins(judged):
     code, out, err = judged("accuracy", "always(a.x > 0.1)")
     assert (code, err) == (0, "") and "requirement" in out and "±" in out
+
+
+def test_a_margin_of_zero_is_a_number(judged):
+    """x falls from 1: its margin below 1 is 0 at all steps, from the first sample on."""
+    code, out, _ = judged("run", "always(a.x <= 1)", "--error", "--json")
+    found = json.loads(out)["accuracy"]["r"]
+    assert (found["values"], found["error"]) == ([0.0, 0.0, 0.0], 0.0)
+    assert code == 1 and found["kind"] == "changes"  # by nothing at all: a rounding error may violate it

@@ -31,3 +31,16 @@ def test_what_jumps_where_it_is_integrated(tmp_path, law, reader, column):
     assert [str(warning).split(":")[1:3] for warning in said] == ([["5", str(column)]] if column else [])
     outcome = run.Run(run.load(path), "python").execute()
     assert [*map(str, said)] == [str(w) for w in outcome.warnings if "may jump within a step" in str(w)]
+
+
+def test_only_what_leads_to_an_integrator_counts(tmp_path):
+    """Of two in a ring behind it, neither integrates; another integrator has nothing to do with it."""
+    path = tmp_path / "d.yaml"
+    path.write_text(
+        "run: {stop: 1, step: 0.1}\nblocks:\n  ramp: {block: Ramp}\n"
+        '  law: {expression: "floor(u)", inputs: {u: ramp.y}}\n'
+        '  one: {expression: "0.1*a + b", inputs: {a: two.y, b: law.y}}\n'
+        '  two: {expression: "0.1*a", inputs: {a: one.y}}\n'
+        "  other: {block: Integrator, inputs: {u: ramp.y}}\n"
+    )
+    assert not [w for w in describe(run.load(path)).warnings if "may jump within a step" in str(w)]
