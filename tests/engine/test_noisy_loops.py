@@ -84,3 +84,12 @@ def test_what_noise_may_leave_is_a_part_of_the_nominal_value(solved, step):
     """f has no values but multiples of a step, and is nowhere nearer to y than 0.46 steps, more than 1e-12."""
     with pytest.raises(BlockFailed, match="no solution was found"):
         solved(f"floor((-3*u + 2.6*{step})/{step})*{step}", 1e-12)
+
+
+@pytest.mark.parametrize("jump", [2e-14, 1e-13, 4e-13, 2e-12])
+@pytest.mark.parametrize("slope", [0.5, -2.0])
+@pytest.mark.parametrize("start", [0.0, 2.0])
+def test_a_jump_over_the_solution_is_no_noise(solved, jump, slope, start):
+    """f(y) - y is a jump at least, of one sign below 1 and of the other above; noise would be on both sides of y."""
+    with pytest.raises(BlockFailed, match=r"no solution was found|undetermined"):
+        solved(f"{slope!r}*(u - 1) + 1 + if(u < 1, {jump!r}, {-jump!r})", start)

@@ -143,6 +143,26 @@ def test_a_column_in_another_unit_is_converted(tmp_path):
     assert measured.residuals([[np.pi / 4, np.pi / 2]]) == pytest.approx([0.0, -10.0])
 
 
+@pytest.mark.parametrize(
+    ("own", "unit", "given", "wanted", "deviation"),
+    [
+        ("degC", "K", 293.15, 20.0, 2.0),  # K begins elsewhere, of one size
+        ("K", "degC", 20.0, 293.15, 2.0),
+        ("mm", "m", 0.25, 250.0, 2000.0),
+        ("km", "m", 250.0, 0.25, 0.002),
+    ],
+)
+def test_units_of_another_size_or_origin_are_converted(tmp_path, own, unit, given, wanted, deviation):
+    block = f'class Shown(Block):\n    y = Output(unit="{own}")\n\n    def outputs(y):\n        y[0] = 0.0\n'
+    (tmp_path / "own.py").write_text(f"from cosim import Block, Output\n\n\n{block}")
+    diagram = "run: {stop: 1, step: 0.1}\nblocks: {a: {python: own.py:Shown}}\n"
+    study = STUDY.replace("motor.x: {column: speed}", f"a.y: {{column: y, unit: {unit}, deviation: 2}}")
+    path = written(tmp_path, f"time,y\n0,{given}\n1,{given}\n", study, diagram)
+    (course,) = measurements.read(study_file.load(path).fit, run.load(tmp_path / "diagram.yaml")).courses
+    assert course.values == pytest.approx([wanted, wanted], rel=1e-12)
+    assert course.scale == pytest.approx(deviation)
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_intervals_cover_the_truth_as_often_as_they_say(known):
     """400 fits of a decay to fresh noise, by scipy alone: 95 % of the intervals hold the truth, as a binomial would."""
