@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
@@ -113,8 +114,13 @@ def _size(size: Size, constants: dict[str, int]) -> str:
     return " + ".join([*terms, str(size.number)])
 
 
+@cache
 def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSource:
-    """The kernel around a function of a time and two addresses, of the base and of the frame."""
+    """The kernel around a function of a time and two addresses, of the base and of the frame.
+
+    Such functions are this package's own and stay as they are, so what one reaches is followed once in a process: of
+    the loop that takes longer than a short run.
+    """
     name = entry.__name__
     text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
 

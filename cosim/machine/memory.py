@@ -57,27 +57,27 @@ def own() -> np.ndarray:
 
 def words_at(address: int, size: int) -> np.ndarray:
     """The `size` int64 words at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_int64 * int(size)).from_address(int(address)))
+    return np.asarray((ctypes.c_int64 * int(size)).from_address(int(address)))
 
 
 def reals_at(address: int, size: int) -> np.ndarray:
     """The `size` float64 numbers at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_double * int(size)).from_address(int(address)))
+    return np.asarray((ctypes.c_double * int(size)).from_address(int(address)))
 
 
 def singles_at(address: int, size: int) -> np.ndarray:
     """The `size` float32 numbers at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_float * int(size)).from_address(int(address)))
+    return np.asarray((ctypes.c_float * int(size)).from_address(int(address)))
 
 
 def integers_at(address: int, size: int) -> np.ndarray:
     """The `size` int32 numbers at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_int32 * int(size)).from_address(int(address)))
+    return np.asarray((ctypes.c_int32 * int(size)).from_address(int(address)))
 
 
 def bytes_at(address: int, size: int) -> np.ndarray:
     """The `size` bytes at an address, as a view (size,)."""
-    return np.ctypeslib.as_array((ctypes.c_uint8 * int(size)).from_address(int(address)))
+    return np.asarray((ctypes.c_uint8 * int(size)).from_address(int(address)))
 
 
 def invoke(function: int, arguments: tuple[int | float, ...]) -> int:

@@ -1,4 +1,4 @@
-"""`cosim run --error`: the metrics of a run that is done get their errors, by three more runs."""
+"""`cosim run --error`: the metrics of a run that is done get their errors, by more runs."""
 
 from __future__ import annotations
 

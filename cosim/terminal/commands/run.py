@@ -31,7 +31,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--engine", choices=ENGINES, default=ENGINES[0], help="python: for breakpoints in blocks")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE.nc", help="result (default: results/<diagram>.nc)")
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
-    help_ = "say how wrong each metric may be, by three more runs, which take 7 times as long as one"
+    help_ = "say how wrong each metric may be, by four more runs: 9 times the work in all"
     parser.add_argument("--error", action="store_true", help=help_)
     help_ = "keep a checkpoint beside the result: every so many simulated seconds, or 10min, 2h of wall-clock time"
     parser.add_argument("--checkpoint", metavar="EVERY", help=help_)
