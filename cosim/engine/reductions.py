@@ -23,17 +23,19 @@ from cosim.wiring.network import Finding, Network, Signal
 class Reductions:
     """The figures of one run. metrics: signal and reduction, by name; warnings: of windows that the run does not reach.
 
-    native: whether compiled code does what is dear. Raises: DiagramErrors with every MetricError and FormulaError.
+    native: whether compiled code does what is dear. margins: whether nothing but the requirements is looked at.
+    Raises: DiagramErrors with every MetricError and FormulaError.
     """
 
-    def __init__(self, network: Network, native: bool = True) -> None:
+    def __init__(self, network: Network, native: bool = True, margins: bool = False) -> None:
         self.network = network
-        self.metrics, self.warnings = windows.reduced(network)
+        self.margins = margins
+        self.metrics, self.warnings = ({}, []) if margins else windows.reduced(network)
         self.monitors = required.monitors(network, native)
         self.enders = [name for name, entry in network.diagram.requirements.items() if entry.ends]
         self.violated: Verdict | None = None  # of these
-        self._events = _events(network)
-        self._courses = _courses(network)
+        self._events = {} if margins else _events(network)
+        self._courses = {} if margins else _courses(network)
 
     @property
     def signals(self) -> tuple[Signal, ...]:
@@ -132,7 +134,7 @@ class Reductions:
 
     def conditions(self) -> list[Finding]:
         """The conditions along the run so far; none if it has seen nothing."""
-        if not all(courses.seen for courses in self._courses.values()):
+        if self.margins or not all(courses.seen for courses in self._courses.values()):
             return []
         seen = {signal: courses.of_members() for signal, courses in self._courses.items()}
         return conditions.judge_run(self.network, seen)

@@ -61,8 +61,8 @@ class Run:
     output: where the result is written, or None. `seconds["setup"]` counts from `began` (time.perf_counter()).
     prepared: a program of this network with its kernels, if there is one. kept: whether `samples` has what is recorded.
     attributes: what else the result's file says of itself. checkpoint: how often one is kept beside the result, as of
-    `Interval`; resume: whether to go on from it. until: where it is broken off before its end (s).
-
+    `Interval`; resume: whether to go on from it. until: where it is broken off before its end (s). margins: whether it
+    gives those of requirements alone, as of a search's many runs.
     Raises: WrongValue for an engine that there is not, and for checkpoints without a result.
     """
 
@@ -78,6 +78,7 @@ class Run:
         resume: bool = False,
         kept: bool = False,
         until: float = math.inf,
+        margins: bool = False,
     ) -> None:
         started = clock.perf_counter() if began is None else began
         if engine not in ENGINES:
@@ -87,7 +88,7 @@ class Run:
         self.output = output
         self.attributes = dict(attributes or {})
         self.checkpoints = Checkpoints(output, checkpoint, resume) if checkpoint is not None or resume else None
-        self.reductions = Reductions(network, native=engine == "native")
+        self.reductions = Reductions(network, engine == "native", margins)
         self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
         self._kernels = prepared[1] if prepared else None
         self.steps = _steps(network, until)
@@ -157,8 +158,7 @@ class Run:
         except KeyboardInterrupt:
             status = "interrupted"
         figures, wrong = self.reductions.values(self.simulation.time, self.simulation.value)
-        if status == "completed" and wrong:
-            status, error = "failed", wrong
+        status, error = ("failed", wrong) if status == "completed" and wrong else (status, error)
         outcome = self._outcome(status, error, figures)
         outcome.termination = _end_of(self.reductions.violated) or self.simulation.termination
         outcome.warnings += self.simulation.warnings()

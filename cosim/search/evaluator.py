@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
@@ -97,7 +96,7 @@ class Evaluator:
                 keys.append(None)
                 refused[number] = member_run.lost(error.message)
                 continue
-            key = prepared.key if until in (None, math.inf) else f"{prepared.key} until {until!r}"
+            key = prepared.key if until is None else f"{prepared.key} until {until!r}"
             keys.append(key)
             if key not in self._store and key not in futures:
                 futures[key] = self._submit(chosen, prepared)

@@ -73,7 +73,8 @@ def _run(variants: Variants, member: Member, file: Path | None, prepared: Prepar
         return Run(network, output=file, attributes={MARK: prepared.key})
     until = math.inf if member.until is None else member.until
     kept = variants.study.sighting is not None
-    return Run(prepared.network, prepared=(prepared.program, prepared.kernels), kept=kept, until=until)
+    made = prepared.program, prepared.kernels
+    return Run(prepared.network, prepared=made, kept=kept, until=until, margins=member.until is not None)
 
 
 def _remove_damaged(file: Path) -> None:

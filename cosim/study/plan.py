@@ -16,7 +16,8 @@ from cosim.study.draws import Draws
 class Member:
     """One run of a study. settings: (dotted path, plain value), as --set takes them.
 
-    until: of a search, how far it looks (s), inf for to the end; it is told what the requirements' margins may be.
+    until: of a search, how far it looks (s), inf for to the end; it is told what the requirements' margins may be, and
+    nothing else.
     """
 
     variant: str
