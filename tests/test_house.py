@@ -24,6 +24,7 @@ FLOORS = (
     "requirements",
     "wiring",
     "engine",
+    "tracing",
     "study",
     "accuracy",
     "search",

@@ -179,5 +179,9 @@ def failure(program: Program, arena: np.ndarray, call: Call, time: float, interp
         )
         return BlockFailed(message, outputs_of(component.entry.type)[output].position, _DOMAIN)
     message = f"block {call.component}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
-    fix = "set a breakpoint in the block" if interpreted else "run with `--engine python` to step through it"
+    fix = (
+        "set a breakpoint in the block"
+        if interpreted
+        else "`cosim debug` instead of `cosim run` stops just before, in Python's debugger"
+    )
     return BlockFailed(message, component.entry.position, fix)

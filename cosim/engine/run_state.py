@@ -1,7 +1,7 @@
 """All that a simulation knows at a communication point, in arrays: with it, another one of the same program goes on.
 
 It is taken whole, so that nothing is forgotten: the arena and the control block. Addresses stay the own of each run,
-and so do constants, the frames of calls among them, which hold some.
+and so do constants, the frames of calls among them, which hold some; but clocks, which know whether they are due.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from cosim.engine.hosts import Forked, Here
-from cosim.engine.layout import Layout
 from cosim.engine.program import Program
 from cosim.master import tables
 
@@ -60,7 +59,7 @@ def restore(simulation: Resumable, state: Mapping[str, Any]) -> None:
     arena, saved, words = simulation.arena, state["arena"], state["control"]
     if (saved.shape, saved.dtype, words.shape) != (arena.shape, arena.dtype, (len(_TAKEN),)):
         raise ValueError("of another size")
-    own = {span: arena[slice(*span)].copy() for span in _constants(simulation.program.layout)}
+    own = {span: arena[slice(*span)].copy() for span in _constants(simulation.program)}
     arena[:] = saved
     for span, content in own.items():
         arena[slice(*span)] = content
@@ -70,8 +69,8 @@ def restore(simulation: Resumable, state: Mapping[str, Any]) -> None:
     simulation.host.restore(state["parts"], simulation.time)
 
 
-def _constants(layout: Layout) -> Iterator[tuple[int, int]]:
+def _constants(program: Program) -> Iterator[tuple[int, int]]:
     """Where each constant begins and ends, in bytes."""
-    for offset, content in layout.first:
-        if offset >= layout.changing:
+    for offset, content in program.layout.first:
+        if offset >= program.layout.changing and offset != program.clocks:
             yield offset, offset + content.nbytes

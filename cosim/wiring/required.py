@@ -30,7 +30,7 @@ def monitors(network: Network, native: bool = True) -> dict[str, Monitor]:
 
 def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
     """The monitor of one requirement. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit, TooLarge."""
-    made = Monitor(entry.condition, Scope(_look(network, entry), entry.place), native)
+    made = Monitor(entry.condition, scope(network, entry), native)
     run = network.diagram.run
     needed, stop = horizon(entry.condition), run.stop
     if needed > stop * (1.0 + BEYOND) and run.nodes["stop"].position.line:  # not shortened from outside
@@ -40,6 +40,11 @@ def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
     samples = run.steps if is_open(entry.condition) or not run.steps else min(run.steps, int(needed / run.step) + 1)
     sizes.require(8 * made.words * samples, f"{samples} samples of it", entry.place(0), fix)
     return made
+
+
+def scope(network: Network, entry: RequirementEntry) -> Scope:
+    """What a formula's terms are read by."""
+    return Scope(_look(network, entry), entry.place)
 
 
 def _look(network: Network, entry: RequirementEntry) -> Look:

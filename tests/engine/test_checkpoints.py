@@ -203,7 +203,7 @@ def test_what_stays_the_own_of_a_run_is_addresses_and_constants(wired, engine):
     for _ in one.simulation.batches():
         pass
     changed = one.simulation.arena != before
-    for begin, end in run_state._constants(built.layout):
+    for begin, end in run_state._constants(built):
         if begin != built.clocks:  # whether they are due
             assert not changed[begin:end].any()
     assert changed.any()
