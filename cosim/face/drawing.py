@@ -15,10 +15,11 @@ import networkx
 
 from cosim.wiring.network import Network
 
-BOX, GAP, ROW, HEIGHT, MARGIN = 150.0, 70.0, 64.0, 44.0, 14.0
-"""Pixels: a box's width, the room between two columns, from one box to the next below it, a box's height, the edge."""
-LANE = 9.0
-"""Pixels between two wires that lead back."""
+BOX, GAP, ROW, HEIGHT, MARGIN = 150.0, 70.0, 64.0, 44.0, 24.0
+"""Pixels: a box's width, the room between two columns, from one box to the next below it, a box's height, and the
+edge, in which a wire that leads back turns, `TURN` beside its box."""
+TURN, LANE = 17.0, 9.0
+"""Pixels from a box to where a wire that leads back turns, and between two such wires."""
 SWEEPS = 8
 _CHARACTERS = 22
 _FILLS = {"fmu": "#fdf1dc", "block": "#eef3fb", "python": "#eaf6ec", "expression": "#f5eef8"}
@@ -69,11 +70,12 @@ def _wires(network: Network) -> dict[tuple[str, str], list[str]]:
 def _columns(
     names: Sequence[str], wires: Mapping[tuple[str, str], object]
 ) -> tuple[list[list[Slot]], list[tuple[str, str]]]:
-    """The columns with the slots of all forward wires, and the wires that lead back."""
+    """The columns with the slots of all forward wires, and the wires that lead back: in rings, to what comes first."""
     graph = networkx.DiGraph()
     graph.add_nodes_from(names)
     back = []
-    for source, target in wires:
+    place = {name: k for k, name in enumerate(names)}
+    for source, target in sorted(wires, key=lambda pair: place[pair[0]] > place[pair[1]]):
         if source == target or (graph.has_node(target) and networkx.has_path(graph, target, source)):
             back.append((source, target))
         else:
@@ -149,7 +151,7 @@ def _curve(pair: tuple[str, str], places: Mapping[Slot, Point], lane: float | No
     u, v = places[target][0], places[target][1] + HEIGHT / 2
     tip = f"<title>{escape(chr(10).join(told))}</title>"
     if lane is not None:
-        out, into = x + GAP / 4, u - GAP / 4
+        out, into = x + TURN, u - TURN
         path = f"M{x:.0f},{y + 8:.0f}H{out:.0f}V{lane:.0f}H{into:.0f}V{v + 8:.0f}H{u:.0f}"
         return f'<path class="b" d="{path}" marker-end="url(#a)">{tip}</path>'
     path = f"M{x:.0f},{y:.0f}"
