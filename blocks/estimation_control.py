@@ -1,4 +1,4 @@
-"""Observers and state feedback for linear systems: Luenberger, Kalman, LQR."""
+"""Observers and state feedback for linear systems: Luenberger, Kalman, LQR; within limits, `LinearMPC`."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -10,7 +10,11 @@ from cosim import Block, CalculatedParameter, Dimension, Parameter, Seed, State,
 class WhiteNoise(Block):
     """Discrete white noise: independent normal numbers of given mean and standard deviation, held over a period.
 
-    y_k ~ N(mean, deviation²). Sampled: give it a `period`. As an approximation of continuous white noise of the
+    ::
+
+        y[k] = mean + deviation v[k],   v[k] ~ N(0, 1)
+
+    Sampled: give it a `period`. As an approximation of continuous white noise of the
     two-sided power spectral density S, take deviation = sqrt(S / period). The first number is there a period after the
     start, and `mean` before.
     """
@@ -32,7 +36,11 @@ class WhiteNoise(Block):
 
 
 class UniformNoise(Block):
-    """Independent numbers, uniform from `low` to `high`, held over a period: y_k ~ U(low, high).
+    """Independent numbers, uniform from `low` to `high`, held over a period.
+
+    ::
+
+        y[k] = low + (high - low) v[k],   v[k] ~ U(0, 1)
 
     Sampled: give it a `period`. The first number is there a period after the start, and the middle before.
     """
@@ -56,9 +64,12 @@ class UniformNoise(Block):
 class BandLimitedNoise(Block):
     """Noise of a given bandwidth and standard deviation: white noise through a first-order lag, sampled exactly.
 
-    y_{k+1} = a y_k + sqrt(1 - a²) deviation v_k with a = exp(-2 π bandwidth period) and v_k ~ N(0, 1): an
-    Ornstein-Uhlenbeck process at its samples, whose spectral density falls to a half at `bandwidth`, whatever the
-    period. It starts in its stationary distribution's mean, 0. Sampled: give it a `period`.
+    ::
+
+        y[k+1] = a y[k] + sqrt(1 - a²) deviation v[k],   a = exp(-2 π bandwidth period),   v[k] ~ N(0, 1)
+
+    It is an Ornstein-Uhlenbeck process at its samples, whose spectral density falls to a half at `bandwidth`, whatever
+    the period. It starts in its stationary distribution's mean, 0. Sampled: give it a `period`.
     """
 
     bandwidth = Parameter(unit="Hz", default=1.0, min=0.0, description="frequency at which the density is halved")
@@ -83,7 +94,11 @@ class BandLimitedNoise(Block):
 
 
 class RandomWalk(Block):
-    """A random walk, Brownian motion at its samples: y_{k+1} = y_k + intensity sqrt(period) v_k with v_k ~ N(0, 1).
+    """A random walk: Brownian motion at its samples.
+
+    ::
+
+        y[k+1] = y[k] + intensity sqrt(period) v[k],   v[k] ~ N(0, 1)
 
     Its variance grows by intensity² a second, whatever the period. Sampled: give it a `period`.
     """

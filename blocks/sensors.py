@@ -1,4 +1,4 @@
-"""What sensors do to a signal: offsets, drop-outs, resolution, delays by lags."""
+"""What sensors and links do to a signal: offsets, drop-outs, resolution. A delay is `delay:` of a wire, or `Delay`."""
 
 import math
 

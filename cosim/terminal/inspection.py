@@ -92,7 +92,8 @@ def print_block(name: str) -> None:
     declaration = block.declaration
     say(f"{declaration.name}\n\n{declaration.doc}\n")
     file, key = inspect.getsourcefile(block) or "", "python" if ".py:" in name else "block"
-    print_wrapped(f"in {shown(file)}; a diagram writes  {key}: {name}", 2)
+    say(f"in {shown(file)}")
+    say(f"a diagram writes  {key}: {name}")
     say("")
     for title, causality in (
         ("inputs", "input"),

@@ -11,7 +11,7 @@ from cosim.wiring import library
 #: The files of the library that are for everybody, as `cosim blocks` groups them.
 FILES = (
     *("sources", "arithmetic", "vector_parts", "nonlinear", "tables", "continuous", "pid", "filters"),
-    *("discrete", "logic", "sensors", "estimation_control", "predictive_control"),
+    *("discrete", "logic", "sensors", "estimation_control", "predictive_control", "noise"),
 )
 VARIANTS = {"scalar": "", "vector": "", "fleet": ", per: robot"}
 
@@ -61,6 +61,8 @@ PARAMETERS["DiscreteStateSpaceFeedthrough"] = {
 PARAMETERS["DiscreteStateSpace"] = {
     key: text.replace("-4, -1", "-0.4, -0.1") for key, text in PARAMETERS["StateSpace"].items()
 }
+for _seed, _name in enumerate(("BandLimitedNoise", "RandomWalk", "UniformNoise", "WhiteNoise")):
+    PARAMETERS[_name] = {"": f"seed: {_seed}", "fleet": f'seed: "{_seed} + 10*i"'}
 POSITIVE = {"Log", "Sqrt", "Division"}
 
 
@@ -87,7 +89,9 @@ def _entry(name: str, variant: str, parameters: str) -> str:
     wires = ", ".join(f"{v.name}: {_source(name, v, variant)}" for v in inputs)
     sampled = bool(declaration.kind("update")) or "period" in declaration.variables
     period = ", period: 0.015625" if sampled or name == "ZeroOrderHold" else ""
-    return f"  {name}: {{block: {name}{VARIANTS[variant]}{period}, parameters: {{{parameters}}}, inputs: {{{wires}}}}}"
+    sizes = ", dimensions: {n: 3}" if variant == "vector" and "n" in declaration.dimensions else ""
+    rest = f"{VARIANTS[variant]}{period}{sizes}, parameters: {{{parameters}}}, inputs: {{{wires}}}"
+    return f"  {name}: {{block: {name}{rest}}}"
 
 
 def write(folder: Path, file: str, variant: str) -> tuple[Path, list[str]]:

@@ -23,7 +23,7 @@ COMPARED = {
     ),
     *("nonlinear_extended_state_observer", "sliding_mode_observer", "super_twisting_observer", "velocity_obstacles"),
 }
-PAPERS = [path for path in FILES if path.stem not in {*library_diagrams.FILES, *HELPERS, *COMPARED, "noise"}]
+PAPERS = [path for path in FILES if path.stem not in {*library_diagrams.FILES, *HELPERS, *COMPARED}]
 YEAR = re.compile(r"\b(19|20)\d\d\b")
 #: An equation, or the place where the paper says it in words.
 NUMBER = re.compile(r"\(\d+\)|Section [IV]+|Fig. \d|Lemma \d|Theorems? \d|Definition \d")
