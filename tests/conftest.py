@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
+import site
+import subprocess
+import sys
+import sysconfig
 import textwrap
+import venv
+import zipfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +35,33 @@ for _number in (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.
         signal.signal(_number, signal.default_int_handler if _number == signal.SIGINT else signal.SIG_DFL)
 
 BLOCKS = Path(__file__).with_name("signal_blocks.py")
+ROOT = Path(__file__).parents[1]
+PACKED = ("cosim", "blocks", "diagrams", "pyproject.toml", "setup.py", "README.md", "LICENSE")
+"""What a wheel is built of."""
+
+
+@pytest.fixture(scope="session")
+def user(tmp_path_factory) -> Path:
+    """The environment of somebody who has installed a wheel of this tree, and has no clone.
+
+    What cosim needs is that of the tests, whose folder is on the path; an editable installation there is not followed.
+    """
+    folder = tmp_path_factory.mktemp("user")
+    ignored = shutil.ignore_patterns("__pycache__", "*.nc")
+    for name in PACKED:
+        copy = partial(shutil.copytree, ignore=ignored) if (ROOT / name).is_dir() else shutil.copy
+        copy(ROOT / name, folder / name)
+    build = "from setuptools import build_meta; build_meta.build_wheel('.')"
+    subprocess.run([sys.executable, "-c", build], cwd=folder, capture_output=True, check=True)
+    venv.create(folder / "venv", symlinks=True)
+    packages = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder / "venv")}))
+    with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
+        wheel.extractall(packages)
+    (packages / "needed.pth").write_text("\n".join(site.getsitepackages()))
+    command = folder / "venv" / "bin" / "cosim"
+    command.write_text(f'#!/bin/sh\nexec "{command.parent}/python" -m cosim "$@"\n')
+    command.chmod(0o755)
+    return folder / "venv"
 
 
 @pytest.fixture(scope="session")

@@ -26,30 +26,21 @@ def blocks(page: Path) -> list[tuple[str, str, str]]:
 
 
 @pytest.fixture(scope="session")
-def installed(tmp_path_factory) -> dict[str, str]:
-    """The environment of somebody who has the package as a wheel brings it, and no clone."""
-    folder = tmp_path_factory.mktemp("installed")
-    ignore = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "cosim", folder / "site" / "cosim", ignore=ignore)
-    shutil.copytree(ROOT / "blocks", folder / "site" / "cosim" / "blocks", ignore=ignore)
-    shutil.copytree(ROOT / "diagrams", folder / "site" / "cosim" / "diagrams", ignore=ignore)
-    command = folder / "bin" / "cosim"
-    command.parent.mkdir()
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m cosim "$@"\n')
-    command.chmod(0o755)
-    path = f"{command.parent}{os.pathsep}{os.environ['PATH']}"
-    return {**os.environ, "PYTHONPATH": str(folder / "site"), "PATH": path, "COLUMNS": "100"}
+def environment(user) -> dict[str, str]:
+    """That of a shell of somebody who has no clone, with a terminal of 100 columns."""
+    others = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    return {**others, "PATH": f"{user / 'bin'}{os.pathsep}{os.environ['PATH']}", "COLUMNS": "100"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
-def test_every_block_of_a_page_runs_from_top_to_bottom_in_an_empty_folder(page, tmp_path, installed):
+def test_every_block_of_a_page_runs_from_top_to_bottom_in_an_empty_folder(page, tmp_path, environment):
     shown = ""
     for language, file, text in blocks(page):
         if file:
             (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / file).write_text(text, encoding="utf-8")
         elif language == "sh":
-            shown = "".join(run(line, tmp_path, installed) for line in re.sub(r"\\\n", " ", text).splitlines())
+            shown = "".join(run(line, tmp_path, environment) for line in re.sub(r"\\\n", " ", text).splitlines())
         elif language == "text":
             assert printed(text, shown), f"it says\n{text}\nand what is printed is\n{shown}"
         else:

@@ -41,12 +41,10 @@ def test_a_copy_of_the_source_tree_has_blocks_of_its_own(tmp_path):
 
 
 @pytest.fixture
-def installed(tmp_path):
-    """A folder that holds the package as a wheel does."""
-    ignore, site = shutil.ignore_patterns("__pycache__"), tmp_path / "site"
-    shutil.copytree(ROOT / "cosim", site / "cosim", ignore=ignore)
-    shutil.copytree(ROOT / "blocks", site / "cosim" / "blocks", ignore=ignore)
-    return site
+def installed(user, tmp_path):
+    """A folder of a test's own that holds the package as a wheel does."""
+    shutil.copytree(next(user.glob("lib/python*/site-packages/cosim")), tmp_path / "site" / "cosim")
+    return tmp_path / "site"
 
 
 def test_an_installed_package_has_its_blocks_within_and_looks_nowhere_else(installed):
@@ -54,6 +52,15 @@ def test_an_installed_package_has_its_blocks_within_and_looks_nowhere_else(insta
     (installed / "blocks" / "__init__.py").write_text("raise RuntimeError('not ours')")
     code = "import cosim, cosim.blocks.controller as c; print(c.__file__); print(len(cosim.__path__))"
     assert told(installed, code) == [str(installed / "cosim" / "blocks" / "controller.py"), "1"]
+
+
+def test_a_wheel_holds_every_file_of_the_package_and_every_diagram(installed):
+    files = [path for path in (ROOT / "cosim").rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    files += (ROOT / "blocks").glob("*.py")
+    files += [path for path in (ROOT / "diagrams").rglob("*.yaml") if "results" not in path.parts]
+    wanted = {str(path.relative_to(ROOT)) for path in files}
+    held = {str(path.relative_to(installed / "cosim")) for path in (installed / "cosim").rglob("*")}
+    assert {name for name in wanted if name.removeprefix("cosim/") not in held} == set()
 
 
 def test_a_folder_called_blocks_beside_a_file_of_blocks_is_in_nobodys_way(installed, tmp_path):
@@ -64,3 +71,9 @@ def test_a_folder_called_blocks_beside_a_file_of_blocks_is_in_nobodys_way(instal
     code = "from pathlib import Path; from cosim.wiring.block_files import import_file; "
     code += f"m = import_file(Path({str(own)!r})); "
     assert told(installed, code + "print(m.cube_root(9.0 * m.FACTOR))") == ["3.0"]
+
+
+def test_the_environment_of_a_user_knows_no_clone(user):
+    code = "import cosim, cosim.results, cosim.blocks, sys; print(cosim.__file__, cosim.results.__file__, *sys.path)"
+    done = subprocess.run([user / "bin" / "python", "-I", "-c", code], capture_output=True, text=True, check=True)
+    assert str(user) in done.stdout and str(ROOT) not in done.stdout
