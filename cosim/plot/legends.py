@@ -50,13 +50,15 @@ def place(figure: Any, legends: Sequence[Legend], runs: int) -> None:
     for k, legend in enumerate(legends):
         if k >= columns and legend.names == legends[k - columns].names:
             continue  # it stands above, in the panel over this one
+        if len(legend.names) == 1 and runs == 1:
+            continue  # it is the axis's label
         if legend.count > LISTED and len(legend.names) > NAMED:
             legend.axis.annotate(f"{legend.count} lines", (1, 1), (-3, -3), **CORNER)
         elif len(legend.names) > 4 or max(map(len, legend.names), default=0) > LETTERS:
             more = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.02)}
             rows = _above(legend.axis, legend, inches / columns - 0.6, **more)
             figure.set_figheight(figure.get_figheight() + 0.17 * rows / columns + 0.1)
-        elif len(legend.names) > 1 or runs > 1:
+        else:
             legend.axis.legend(legend.handles, legend.names, loc="best" if legend.count <= NAMED else "upper right")
 
 

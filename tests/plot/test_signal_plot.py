@@ -70,6 +70,12 @@ def test_a_window_of_time_cuts_a_phase_plane_and_is_the_axis_of_time(run):
         plot(path, "p.x[1,2]", View(window=(5, 6)))
 
 
+def test_one_line_is_named_by_its_axis_alone_however_long_its_name(run):
+    figure = plot(run(a__y=TIMES, separation__smallest_gap=TIMES), "a.y, separation.smallest_gap")
+    assert [axis.get_ylabel() for axis in figure.axes] == ["a.y", "separation.smallest_gap"]
+    assert labels(figure) == []
+
+
 def test_panels_share_time_and_only_the_lowest_numbers_it(run):
     figure = plot(run(a__y=TIMES, b__y=TIMES**2, c__y=-TIMES), "a.y, b.y + c.y")
     upper, lower = figure.axes
