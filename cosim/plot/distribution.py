@@ -45,7 +45,8 @@ def _panel(axis: Any, layout: Distribution, groups: Mapping[str, np.ndarray]) ->
     for k, (name, group) in enumerate(groups.items()):
         values = np.sort(group[~np.isnan(group)])
         if values.size:
-            axis.step(values, np.arange(1, values.size + 1) / values.size, where="post", label=name, **style.line(k))
+            shares = np.arange(values.size + 1) / values.size
+            axis.step(values[[0, *range(values.size)]], shares, where="post", label=name, **style.line(k))
     for name, value in layout.thresholds.items():
         axis.axvline(value, color="#505050", linewidth=0.8, linestyle=(0, (1, 1.5)))
         place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "rotation": 90}

@@ -48,13 +48,17 @@ def _dimension(node: Node, where: str, study: Study, reader: Reader) -> str | No
 def _columns(where: str, node: Node | None, reader: Reader) -> tuple[TableColumn, ...]:
     if node is None:
         return ()
-    if isinstance(node.value, list):
+    if isinstance(node.value, list) and not any(isinstance(n.value, dict) for n in node.value):
         names = [n for n in node.value if reader.text(n, f"{where}.columns")]
         return tuple(TableColumn(n.value, n) for n in names)
     if isinstance(node.value, dict):
         found = [_column(f"{where}.columns.{head}", head, n, reader) for head, n in node.value.items()]
         return tuple(column for column in found if column)
-    reader.wrong(node, f"`{where}.columns` takes names of metrics", "write [N_x, N_v]")
+    reader.wrong(
+        node,
+        f"`{where}.columns` takes names of metrics, or headings with what stands below",
+        "write [N_x, N_v], or {heading: {metric: N_x, over: mean}}",
+    )
     return ()
 
 

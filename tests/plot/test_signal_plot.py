@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cosim.errors import PlotError, ResultError
-from cosim.plot import legends, style
+from cosim.plot import distribution, legends, style
 from cosim.plot.signal_plot import View, plot
 from cosim.results.recorded import Recorded
 from cosim.results.result_writer import ResultWriter
@@ -257,3 +257,13 @@ def test_what_is_in_memory_is_drawn_as_a_file_is(run):
         figure = plot({"mine": opened, "again": opened}, "a.y")
     assert labels(figure) == ["mine", "again"]
     assert len(legends.common([])) == 0
+
+
+def test_a_distribution_rises_from_zero_at_its_smallest_value(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(style, "save", lambda figure, output: drawn.append(figure))
+    groups = {"base": np.array([3.0, np.nan, 1.0, 2.0, 2.0])}
+    distribution.draw(distribution.Distribution("m"), {"": groups}, tmp_path / "d.png")
+    (line,) = drawn[0].axes[0].get_lines()
+    assert line.get_xdata().tolist() == [1, 1, 2, 2, 3] and line.get_ydata().tolist() == [0, 0.25, 0.5, 0.75, 1]
+    assert line.get_drawstyle() == "steps-post"

@@ -81,6 +81,7 @@ def test_rows_of_a_table_name_a_dimension_by_an_end_that_no_other_has(study):
         ("{diagram: diagram.yaml, random: {count: 1, draws: {a.b: {uniform: [1]}}}}", "takes a distribution", "1:57"),
         ("{diagram: diagram.yaml, random: {count: 1, draws: {a.b: {uniform: [2, 1]}}}}", "wrong way round", "1:57"),
         ("{diagram: diagram.yaml, tables: {t: {rows: variants}}}", "`tables.t.rows` cannot be", "1:44"),
+        ("{diagram: diagram.yaml, tables: {t: {columns: [{metric: m}]}}}", "takes names of metrics", "1:47"),
         ("{diagram: diagram.yaml, tables: {t: {columns: {a: {over: max}}}}}", "names no metric", "1:48"),
         ("{diagram: diagram.yaml, grid: {a.b: {geomspace: [-1, 1, 3]}}}", "no constant ratios", "1:37"),
         ("{diagram: diagram.yaml, grid: {a.b: {geomspace: [0, 1, 3]}}}", "no constant ratios", "1:37"),
