@@ -26,6 +26,8 @@ nitpicky = False
 
 html_theme = "furo"
 html_title = "cosim"
+html_static_path = ["static"]
+html_css_files = ["wide.css"]
 html_show_copyright = False
 html_show_sphinx = False
 pygments_style = "friendly"

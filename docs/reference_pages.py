@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator
+from html import escape
 from importlib import import_module
 from pathlib import Path
+
+import block_drawing
 
 from cosim.authoring.block import Block
 from cosim.authoring.variables import Parameter, Variable
@@ -50,7 +53,7 @@ def _commands() -> Iterator[str]:
         yield f"{text[0].upper()}{text[1:]}.\n"
         yield from ("```text", command.format_usage().strip(), "```\n")
         told = [a for a in command._actions if a.help and a.help != argparse.SUPPRESS]
-        rows = [(f"`{_invocation(a)}`", str(a.help) % {"default": a.default}) for a in told]
+        rows = [(f"`{_invocation(a)}`", escape(str(a.help) % {"default": a.default}, quote=False)) for a in told]
         yield from _table(("argument", "meaning"), rows)
 
 
@@ -79,7 +82,9 @@ def _blocks() -> Iterator[str]:
 def _block(block: type[Block]) -> Iterator[str]:
     declaration = block.declaration
     yield f"### {declaration.name}\n"
-    yield from _text(declaration.doc)
+    summary, _, rest = declaration.doc.partition("\n\n")
+    yield from (f"{summary}\n", f"{block_drawing.svg(declaration)}\n")
+    yield from _text(rest)
     for causality, title in KINDS:
         variables = [v for v in declaration.variables.values() if v.causality == causality]
         if variables:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from cosim.wiring import library
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 WRITTEN = ("reference/keys.md", "reference/blocks.md", "reference/commands.md")
@@ -88,4 +90,11 @@ def test_the_documentation_is_built_without_a_warning(tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))}
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    assert "SlidingModeDifferentiator" in (tmp_path / "built" / "reference" / "blocks.html").read_text(encoding="utf-8")
+    commands, page = (
+        (tmp_path / "built" / "reference" / f"{n}.html").read_text("utf-8") for n in ("commands", "blocks")
+    )
+    assert "results/&lt;diagram&gt;.nc" in commands
+    drawings = dict(re.findall(r'<svg class="block" role="img" aria-label="(\w+)"(.*?)</svg>', page, re.DOTALL))
+    ports = {name: re.findall(r'text-anchor="(start|end)">(\w+)<', drawing) for name, drawing in drawings.items()}
+    assert ports.keys() == library.all_blocks().keys()
+    assert ports["PID"] == [("start", "r"), ("start", "y"), ("start", "feed_forward"), ("end", "v"), ("end", "u")]
