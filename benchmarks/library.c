@@ -149,3 +149,35 @@ EXPORT void WhiteNoise(int n, const double *mean, const double *deviation, int64
 EXPORT void Delay(int n, const int32_t *samples, int depth, const double *past, const int32_t *head, double *y) {
     for (int q = 0; q < n; q++) y[q] = past[((*head - *samples) % depth + depth) % depth * n + q];
 }
+
+EXPORT void KalmanFilter(int n, const double *y, int p, const double *C, const double *R, const double *x, const double *P,
+                         double *x_hat, double *P_hat) {
+    double gain[n], kept[n * n], half[n * n];
+    for (int i = 0; i < n; i++) x_hat[i] = x[i];
+    for (int i = 0; i < n * n; i++) P_hat[i] = P[i];
+    for (int k = 0; k < p; k++) {
+        const double *row = C + k * n;
+        double innovation = y[k], total = 0.0;
+        for (int i = 0; i < n; i++) innovation -= row[i] * x_hat[i];
+        for (int i = 0; i < n; i++) {
+            gain[i] = 0.0;
+            for (int j = 0; j < n; j++) gain[i] += P_hat[i * n + j] * row[j];
+        }
+        for (int i = 0; i < n; i++) total += row[i] * gain[i];
+        for (int i = 0; i < n; i++) gain[i] /= total + R[k];
+        for (int i = 0; i < n; i++) x_hat[i] += gain[i] * innovation;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) kept[i * n + j] = (i == j) - gain[i] * row[j];
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) {
+                half[i * n + j] = 0.0;
+                for (int l = 0; l < n; l++) half[i * n + j] += kept[i * n + l] * P_hat[l * n + j];
+            }
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) {
+                total = 0.0;
+                for (int l = 0; l < n; l++) total += half[i * n + l] * kept[j * n + l];
+                P_hat[i * n + j] = total + R[k] * (gain[i] * gain[j]);
+            }
+    }
+}

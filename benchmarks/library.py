@@ -55,6 +55,11 @@ CASES = {
         "u_1 u_2 rows columns points_1 points_2 values y",
         {"rows": 20, "columns": 30, "points_1": (20,), "points_2": (30,), "values": (20, 30)},
     ),
+    "KalmanFilter": (
+        "outputs",
+        "y p C R x P x_hat P_hat",
+        {"n": 6, "p": 2, "C": (2, 6), "R": (2,), "y": (2,), "x": (6,), "P": (6, 6), "x_hat": (6,), "P_hat": (6, 6)},
+    ),
     "WhiteNoise": ("update", "mean deviation next_stream next_y", {"mean": (), "deviation": (), "next_stream": (2,)}),
     "Delay": ("outputs", "samples depth past head y", {"samples": (), "depth": 64, "past": (64, N), "head": ()}),
 }
@@ -68,7 +73,15 @@ def values(name: str, shape: tuple[int, ...]) -> np.ndarray:
     found = np.random.default_rng(len(name)).uniform(-1.0, 1.0, shape)
     if name.startswith("points"):
         return np.sort(found)
-    shifted = {"lower": found - 1.5, "upper": found + 1.5, "T": found + 2.0, "T_f": found + 2.0, "Q": found + 2.0}
+    shifted = {
+        "lower": found - 1.5,
+        "upper": found + 1.5,
+        "T": found + 2.0,
+        "T_f": found + 2.0,
+        "Q": found + 2.0,
+        "R": found + 2.0,
+        "P": found @ found.T if found.ndim == 2 else found,
+    }
     return np.asarray(shifted.get(name, found))
 
 

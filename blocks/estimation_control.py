@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter, State, rule
+from cosim import Block, CalculatedParameter, Input, Output, Parameter, State, rule
 from cosim.blocks.kalman_steps import begin, correct, predict
 from cosim.blocks.matrices import cayley, double
 
@@ -59,8 +59,8 @@ class KalmanFilter(Block):
         x[k+1] = A x[k] + B u[k] + w,   y[k] = C x[k] + v,   cov w = Q,   cov v = R
 
         S = C P C^T + R,   K = P C^T S^-1
-        x_hat[k] = x + K (y[k] - C x),   P_hat = P - K C P                     at the sample
-        x = A x_hat[k] + B u[k],         P = A P_hat A^T + Q                   for the next one
+        x_hat[k] = x + K (y[k] - C x),   P_hat = (I - K C) P (I - K C)^T + K R K^T      at the sample
+        x = A x_hat[k] + B u[k],         P = A P_hat A^T + Q                            for the next one
 
     The measurements are taken one by one, so that R is diagonal: `R` are its elements. Begin with P in `start`. For a
     system that is not linear, derive a block from `cosim.blocks.extended_kalman.ExtendedKalmanFilter`.
@@ -75,20 +75,19 @@ class KalmanFilter(Block):
     R = Parameter("p", description="variances of the measurements")
     x = State("n", description="predicted states")
     P = State("n", "n", description="covariance of their error")
-    gain = Local("n", description="work space: gain of one measurement")
     x_hat = Output("n", description="estimated states")
     P_hat = Output("n", "n", description="covariance of their error")
 
     positive = rule("R > 0")(lambda R: bool(np.all(R > 0.0)))
     same = rule("Q is symmetric, with no negative eigenvalue")(is_covariance)
 
-    def outputs(y, C, R, x, P, gain, x_hat, P_hat):
+    def outputs(y, C, R, x, P, x_hat, P_hat):
         begin(x, P, x_hat, P_hat)
         for k in range(y.size):
             innovation = y[k]
             for i in range(x.size):
                 innovation -= C[k, i] * x_hat[i]
-            correct(innovation, C[k], R[k], x_hat, P_hat, gain)
+            correct(innovation, C[k], R[k], x_hat, P_hat)
 
     def update(u, A, B, Q, x_hat, P_hat, next_x, next_P):
         for i in range(x_hat.size):

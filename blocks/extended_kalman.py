@@ -16,8 +16,8 @@ class ExtendedKalmanFilter:
         F = df/dx at x_hat[k],   H = dh/dx at x
 
         S = H P H^T + R,   K = P H^T S^-1
-        x_hat[k] = x + K (y[k] - h(x)),   P_hat = P - K H P                    at the sample
-        x = f(x_hat[k], u[k]),            P = F P_hat F^T + Q                  for the next one
+        x_hat[k] = x + K (y[k] - h(x)),   P_hat = (I - K H) P (I - K H)^T + K R K^T      at the sample
+        x = f(x_hat[k], u[k]),            P = F P_hat F^T + Q                            for the next one
 
     A block derives from it and from `Block`, and says what f and h are, in two functions that may name parameters of
     its own, `u`, `period` and `time`::
@@ -40,7 +40,6 @@ class ExtendedKalmanFilter:
     H = Local("p", "n", description="their Jacobian by the states")
     f = Local("n", description="states at the next sample")
     F = Local("n", "n", description="their Jacobian by the states")
-    gain = Local("n", description="work space: gain of one measurement")
     x_hat = Output("n", description="estimated states")
     P_hat = Output("n", "n", description="covariance of their error")
 
@@ -50,13 +49,13 @@ class ExtendedKalmanFilter:
     def outputs_measurement(x, h, H):
         """h[:] = h(x), H[:] = dh/dx: what derives from this class writes it."""
 
-    def outputs(y, R, x, P, h, H, gain, x_hat, P_hat):
+    def outputs(y, R, x, P, h, H, x_hat, P_hat):
         begin(x, P, x_hat, P_hat)
         for k in range(y.size):
             innovation = y[k] - h[k]
             for i in range(x.size):
                 innovation -= H[k, i] * (x_hat[i] - x[i])
-            correct(innovation, H[k], R[k], x_hat, P_hat, gain)
+            correct(innovation, H[k], R[k], x_hat, P_hat)
 
     def outputs_transition(x_hat, f, F):
         """f[:] = f(x_hat, u), F[:] = df/dx: what derives from this class writes it."""

@@ -1,5 +1,6 @@
 """The two steps of a Kalman filter, linear or extended: correct by measurements, predict."""
 
+import numpy as np
 from numpy.typing import NDArray
 
 
@@ -9,23 +10,17 @@ def begin(x: NDArray, P: NDArray, x_hat: NDArray, P_hat: NDArray) -> None:
     P_hat[:] = P
 
 
-def correct(innovation: float, row: NDArray, variance: float, x_hat: NDArray, P_hat: NDArray, gain: NDArray) -> None:
-    """Correct states and covariance by one measurement.
+def correct(innovation: float, row: NDArray, variance: float, x_hat: NDArray, P_hat: NDArray) -> None:
+    """Correct states and covariance by one measurement, in Joseph's form.
 
-    innovation: measured less predicted; row: how it depends on the states (n); variance: that of its noise; gain: work
-    space (n).
+    innovation: measured less predicted; row: how it depends on the states (n); variance: that of its noise. The shorter
+    P - K C P loses as many digits as the measurement is more exact than the prediction: all, where that is 1e16.
     """
-    total = variance
-    for i in range(x_hat.size):
-        gain[i] = 0.0
-        for j in range(x_hat.size):
-            gain[i] += P_hat[i, j] * row[j]
-    for i in range(x_hat.size):
-        total += row[i] * gain[i]
-    for i in range(x_hat.size):
-        x_hat[i] += gain[i] / total * innovation
-        for j in range(x_hat.size):
-            P_hat[i, j] -= gain[i] * gain[j] / total
+    spread = P_hat @ row
+    gain = spread / (row @ spread + variance)
+    x_hat[:] = x_hat + gain * innovation
+    kept = np.eye(row.size) - np.outer(gain, row)
+    P_hat[:] = kept @ P_hat @ kept.T + variance * np.outer(gain, gain)
 
 
 def predict(F: NDArray, P_hat: NDArray, Q: NDArray, P: NDArray) -> None:

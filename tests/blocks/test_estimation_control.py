@@ -100,6 +100,18 @@ def test_the_diagrams_kalman_filter_is_numpys_in_joseph_form():
     np.testing.assert_allclose(p, steady, rtol=1e-6)
 
 
+def test_what_a_filter_knows_after_an_exact_measurement_is_the_measurements_variance():
+    """P R / (P + R) with P = 1e20 R, which rounds to R: P - K P has no digit of it."""
+    found = run_diagram(
+        "run: {stop: 0.5, step: 0.1}\nblocks:\n  y: {block: Sine, parameters: {amplitude: [1, 2]}}\n"
+        "  f: {block: KalmanFilter, period: 0.1, inputs: {y: y.y}, start: {P: [[1e20, 0], [0, 1e20]]}, parameters:\n"
+        "    {A: [[1, 0], [0, 1]], B: [[0], [0]], C: [[1, 0], [0, 1]], Q: [[3e20, 0], [0, 3e20]], R: [1, 3]}}\n",
+        *("y.y", "f.P_hat", "f.x_hat"),
+    )
+    np.testing.assert_allclose(found["f.P_hat"], [np.diag([1.0, 3.0])] * 6, rtol=4e-16)
+    np.testing.assert_allclose(found["f.x_hat"], found["y.y"], rtol=4e-16, atol=4e-16)
+
+
 def test_covariances_are_checked():
     bad = MATRICES.replace(str(R.tolist()), "[[1, 3], [3, 1]]")
     text = f"run: {{stop: 1, step: 1}}\nblocks:\n  x: {{block: Constant, parameters: {{value: {STATES}}}}}\n"
