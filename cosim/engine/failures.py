@@ -179,9 +179,8 @@ def failure(program: Program, arena: np.ndarray, call: Call, time: float, interp
         )
         return BlockFailed(message, outputs_of(component.entry.type)[output].position, _DOMAIN)
     message = f"block {call.component}: {call.function.name}(){member} failed at t = {fault.time:g} s: {fault.text}"
-    fix = (
-        "set a breakpoint in the block"
-        if interpreted
-        else "`cosim debug` instead of `cosim run` stops just before, in Python's debugger"
-    )
+    debug = "`cosim debug` instead of `cosim run` stops just before, in Python's debugger"
+    fix = "set a breakpoint in the block" if interpreted else debug
+    if call.function.kind == "calculate":
+        fix = f"other values of {', '.join(call.function.reads)}; or {fix}"
     return BlockFailed(message, component.entry.position, fix)

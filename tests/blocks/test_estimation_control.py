@@ -35,6 +35,14 @@ def test_what_cannot_be_stabilized_is_told():
         double(np.eye(2), -np.eye(2), np.eye(2))
 
 
+def test_a_design_that_fails_says_which_values_it_was_made_of(write):
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  k: {block: LQR, start: {x: [0, 0]}, parameters:\n"
+    text += "    {A: [[2, 0], [0, 1]], B: [[0], [1]], Q: [[1, 0], [0, 1]]}}\n"
+    outcome = run.Run(run.load(write(text))).execute()
+    assert outcome.status == "failed" and "what the inputs do not reach is unstable" in outcome.error.message
+    assert outcome.error.fix.startswith("other values of A, B, Q, R; or run with")
+
+
 A = np.array([[0, 1, 0], [0, 0, 1], [0.1, -0.2, 0.3]])
 B = np.array([[0, 1], [0, 0], [1, 0.5]])
 Q, R = np.diag([1.0, 2, 3]), np.array([[1, 0.2], [0.2, 0.5]])
