@@ -10,7 +10,7 @@ import pytest
 from cosim.engine import run
 from cosim.export.exporter import export_fmu
 from cosim.results.result_file import open_result
-from tests.blocks.library_diagrams import FILES, VARIANTS, write
+from tests.blocks.library_diagrams import FILES, VARIANTS, blocks_of, write
 
 VERSIONS = ("2.0", "3.0")
 CASES = [
@@ -51,3 +51,20 @@ def test_exported_blocks_give_the_same_bits(tmp_path, file, variant, version):
 def _causality(network, signal):
     name, variable = signal.split(".")
     return network.components[name].declaration.variables[variable].causality
+
+
+def test_sources_that_begin_later_go_on_as_if_they_had_begun_at_zero(tmp_path):
+    path, _ = write(tmp_path, "sources", "scalar")
+    network = run.load(path)
+    names = [f"{name}.y" for name in blocks_of("sources") if name in network.components]
+    path.write_text(path.read_text() + f"record: {{signals: [{', '.join(names)}]}}\n")
+    fmu, skipped = export_fmu(network, [], tmp_path / "all.fmu"), 13  # 0.1015625 s: within a table and a pulse
+    for mode, method in METHODS.items():
+        later = tmp_path / f"{mode}.yaml"
+        head = RUN.replace("0.5", "0.3984375") % method
+        block = f"{{fmu: {fmu}, mode: {mode}, start_time: 0.1015625}}"
+        signals = [f"f.{name}" for name in names]
+        later.write_text(f"{head}blocks:\n  f: {block}\nrecord: {{signals: [{', '.join(signals)}]}}\n")
+        own, found = results(path, names, method), results(later, signals, method)
+        for name, expected, values in zip(names, own, found, strict=True):
+            np.testing.assert_array_equal(values, expected[skipped:], err_msg=f"{name} as {mode}")
