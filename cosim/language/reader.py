@@ -34,7 +34,10 @@ class Reader:
         """A text; "" for anything else."""
         if isinstance(node.value, str) and node.value:
             return node.value
-        self.wrong(node, f"`{name}` must be text, not {describe(node)}", "put it between quotation marks")
+        several = isinstance(node.value, list | dict)
+        said = "is an empty text" if node.value == "" else f"must be text, not {describe(node)}"
+        fix = "write one text" if several or node.value == "" else "put it between quotation marks"
+        self.wrong(node, f"`{name}` {said}", fix)
         return ""
 
     def choice(self, node: Node, name: str, known: Iterable[str]) -> str:

@@ -63,6 +63,26 @@ def test_a_mistake_is_shown_where_it_is(folder, capsys):
     assert [line for line in WRONG.splitlines() if line not in error] == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "place", "line"),
+    [
+        (
+            [],
+            "d.yaml:4:23: error: block c: output `v` is not finite (inf) at t = 0.5 s",
+            '  c: {expression: {v: "1/(time - 0.5)"}}',
+        ),
+        (["--set", "blocks.c.expression.v=log(0.5 - time)"], "--set blocks.c.expression.v=log(0.5 - time): error", ""),
+        (["--swap", "c=log(0.5 - time)"], "--swap c=log(0.5 - time): error: block c: output `y` is not finite", ""),
+    ],
+)
+def test_what_has_no_value_in_a_run_is_shown_where_it_was_written(folder, capsys, arguments, place, line):
+    text = 'title: d\nrun: {stop: 1, step: 0.125}\nblocks:\n  c: {expression: {v: "1/(time - 0.5)"}}\n'
+    (folder / "d.yaml").write_text(text)
+    assert main(["run", "d.yaml", *arguments]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(place) and line in error and "not finite" in error.splitlines()[0]
+
+
 def test_runs_of_two_expressions_are_compared(capsys):
     assert main(["run", "d.yaml", "-o", "a.nc"]) == 0
     assert main(["run", "d.yaml", "--swap", "spring=k*(x_ref - x)**3 - d*v", "-o", "b.nc"]) == 0
