@@ -47,11 +47,13 @@ class StudyTable:
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """A dict for each run: what it sets by path, `status`, `reason`, and its metrics by name."""
-        several = len(self._results.study.variants) > 1
+        """A dict for each run: what it sets by path, and names of values; `status`, `reason`; its metrics by name."""
+        study = self._results.study
+        several, called = len(study.variants) > 1, [axis for axis in study.grid if axis.names]
         return [
             {
                 **({"variant": row["variant"]} if several else {}),
+                **{axis.name: axis.labels[member.grid[study.grid.index(axis)]] for axis in called},
                 **dict(member.settings),
                 **{"status": row["status"], "reason": row["reason"]},
                 **row["metrics"],

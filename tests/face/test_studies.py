@@ -51,6 +51,13 @@ def test_a_study_is_that_of_the_command_line(folder):
     assert kept["last"].shape == (3, 2, 4) and kept._results.reused == 18
 
 
+def test_values_with_names_are_shown_by_these(folder):
+    grid = {"lag": {"path": "blocks.first.T", "values": {"quick": 0.5, "slow": 2}}}
+    table = cosim.study(cosim.load("lags.yaml"), grid=grid, metrics=["last"]).run()
+    assert [(row["lag"], row["blocks.first.T"]) for row in table] == [("quick", 0.5), ("slow", 2)]
+    assert [line.split()[0] for line in repr(table).splitlines()[:3]] == ["lag", "quick", "slow"]
+
+
 def test_sweeps_in_two_threads_are_those_in_one(folder):
     diagram = cosim.load("lags.yaml")
     lists = [[{"blocks.first.T": 0.5 + 0.1 * k, "run.stop": stop} for k in range(20)] for stop in (0.5, 1.0, 1.5)]
