@@ -59,8 +59,8 @@ class KalmanFilter(Block):
         x[k+1] = A x[k] + B u[k] + w,   y[k] = C x[k] + v,   cov w = Q,   cov v = R
 
         S = C P C^T + R,   K = P C^T S^-1
-        x_hat[k] = x + K (y[k] - C x),   P_hat = (I - K C) P (I - K C)^T + K R K^T      at the sample
-        x = A x_hat[k] + B u[k],         P = A P_hat A^T + Q                            for the next one
+        x_hat[k] = x + K (y[k] - C x),   P_hat = (I - K C) P (I - K C)^T + K R K^T   at the sample
+        x = A x_hat[k] + B u[k],         P = A P_hat A^T + Q                         for the next one
 
     The measurements are taken one by one, so that R is diagonal: `R` are its elements. Begin with P in `start`. For a
     system that is not linear, derive a block from `cosim.blocks.extended_kalman.ExtendedKalmanFilter`.

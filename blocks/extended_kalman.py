@@ -16,8 +16,8 @@ class ExtendedKalmanFilter:
         F = df/dx at x_hat[k],   H = dh/dx at x
 
         S = H P H^T + R,   K = P H^T S^-1
-        x_hat[k] = x + K (y[k] - h(x)),   P_hat = (I - K H) P (I - K H)^T + K R K^T      at the sample
-        x = f(x_hat[k], u[k]),            P = F P_hat F^T + Q                            for the next one
+        x_hat[k] = x + K (y[k] - h(x)),   P_hat = (I - K H) P (I - K H)^T + K R K^T   at the sample
+        x = f(x_hat[k], u[k]),            P = F P_hat F^T + Q                         for the next one
 
     A block derives from it and from `Block`, and says what f and h are, in two functions that may name parameters of
     its own, `u`, `period` and `time`::

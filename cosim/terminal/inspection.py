@@ -90,7 +90,9 @@ def print_block(name: str) -> None:
     """Everything about one block type. Raises: UnknownBlock, AmbiguousBlock, and of its file whatever that raises."""
     block = _block(name)
     declaration = block.declaration
-    say(f"{declaration.name}\n\n{declaration.doc}\n")
+    say(f"{declaration.name}\n")
+    for paragraph in declaration.doc.split("\n\n"):
+        _print_paragraph(paragraph)
     file, key = inspect.getsourcefile(block) or "", "python" if ".py:" in name else "block"
     say(f"in {shown(file)}")
     say(f"a diagram writes  {key}: {name}")
@@ -111,7 +113,17 @@ def print_block(name: str) -> None:
         print_rows([[n, _size(d), d.description] for n, d in declaration.dimensions.items()], indent="  ")
         say("")
     for rule in declaration.rules:
-        say(f"{'condition' if rule.warning else 'rule'}: {rule.text}{f' ({rule.source})' if rule.source else ''}")
+        source = f" ({rule.source})" if rule.source else ""
+        print_wrapped(f"{'condition' if rule.warning else 'rule'}: {rule.text}{source}", 2)
+
+
+def _print_paragraph(text: str) -> None:
+    """Words are broken where the line ends; equations and lists stay as they are written."""
+    if any(line.startswith((" ", "-", "::")) for line in text.splitlines()):
+        say(text)
+    else:
+        print_wrapped(" ".join(text.split()), 0)
+    say("")
 
 
 def _size(dimension: Dimension) -> str:

@@ -135,7 +135,8 @@ def print_wrapped(text: str, hanging: int, file: IO[str] | None = None) -> None:
         if hanging == len(begin):
             text = begin + f"\n{' ' * hanging}".join(lines)
         else:
-            text = begin.rstrip() + "".join(f"\n{' ' * hanging}{line}" for line in lines)
+            begun = textwrap.wrap(begin, width, subsequent_indent=" " * 2 * hanging, break_on_hyphens=False)
+            text = "\n".join([*begun, *(f"{' ' * hanging}{line}" for line in lines)])
     print(text.rstrip().replace(TIED, " "), file=file)
 
 

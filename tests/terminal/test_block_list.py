@@ -179,6 +179,14 @@ def test_environments_and_hidden_folders_are_not_searched(packs):
     assert [group.title for group in catalogue.own(Path())] == ["a/b/mine.py"]
 
 
+def test_a_page_breaks_words_where_the_terminal_ends_and_no_equation(packs, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    lines = shown(capsys, "TransferFunction").splitlines()
+    words = [line for line in lines if line and not line.startswith((" ", "in "))]
+    assert "x_{k+1}/dt = x_k. A vector is filtered element by element." in " ".join(words)
+    assert max(map(len, words)) <= 60 and "    ──── = ─────────────────,   m < n" in lines
+
+
 @pytest.mark.parametrize("columns", [80, 120])
 def test_no_line_is_longer_than_the_terminal(packs, capsys, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", str(columns))

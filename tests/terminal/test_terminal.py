@@ -145,6 +145,10 @@ def test_a_narrow_column_of_words_goes_below_and_a_pipe_breaks_nothing(monkeypat
     file = io.StringIO()
     print_rows([["x" * 70, "some words that belong to it"]], "", file)
     assert file.getvalue() == f"{'x' * 70}\n    some words that belong to it\n"
+    file = io.StringIO()
+    print_rows([["key", "a | " * 30 + "b", "which it is"]], "", file)
+    assert max(map(len, file.getvalue().splitlines())) <= 80
+    assert file.getvalue().split() == ["key", *("a | " * 30).split(), "b", "which", "it", "is"]
     monkeypatch.delenv("COLUMNS")
     file = io.StringIO()
     print_wrapped("word " * 100, 4, file)

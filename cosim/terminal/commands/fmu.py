@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+LABEL = 10
+"""Characters of what a line begins with, such as `kind`, below which nothing else stands."""
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
@@ -16,5 +19,6 @@ def run(options: argparse.Namespace) -> int:
     from cosim.fmu import inspect
     from cosim.terminal import screen
 
-    screen.say(inspect.text(options.file))
+    for line in inspect.text(options.file).splitlines():
+        screen.print_wrapped(line, LABEL)
     return 0
