@@ -12,7 +12,7 @@ import pytest
 from cosim.engine import compilation, program
 from cosim.errors import FormulaError, UnknownPort, WrongUnit, WrongValue
 from cosim.terminal import cli
-from cosim.tracing import hand_over, moments
+from cosim.tracing import hand_over, halts
 from tests.engine.test_checkpoints import ALL
 from tests.engine.test_checkpoints import HOW as METHODS
 
@@ -88,10 +88,10 @@ def test_a_condition_is_found_at_its_first_point(wired):
     built, kernels = made(network)
     grid = network.schedule.grid
     truth = int(np.argmax(2 * np.sin(2 * np.pi * 0.5 * 0.01 * np.arange(201)) > 1.5))
-    assert moments.first(built, kernels, "source.y > 1.5").tick == truth * grid  # of the second member alone
-    assert moments.first(built, kernels, "source.y >= 0").tick == 0
-    assert moments.first(built, kernels, "min(source.y) > 1.5") is None
-    assert moments.first(built, kernels, "source.y[1] > 1.5") is None
+    assert halts.first(built, kernels, "source.y > 1.5").tick == truth * grid  # of the second member alone
+    assert halts.first(built, kernels, "source.y >= 0").tick == 0
+    assert halts.first(built, kernels, "min(source.y) > 1.5") is None
+    assert halts.first(built, kernels, "source.y[1] > 1.5") is None
 
 
 @pytest.mark.parametrize(
@@ -107,16 +107,16 @@ def test_a_condition_is_found_at_its_first_point(wired):
 def test_a_condition_that_is_none_is_told(wired, text, error):
     built, kernels = made(wired(SINE))
     with pytest.raises(error):
-        moments.first(built, kernels, text)
+        halts.first(built, kernels, text)
 
 
 def test_a_time_is_the_last_point_that_is_not_after_it(wired):
     built, _ = made(wired(SINE))
     grid = built.network.schedule.grid
-    assert [moments.at(built, time).tick // grid for time in (0.0, 0.029, 0.03, 0.31, 2.0)] == [0, 2, 3, 31, 200]
+    assert [halts.at(built, time).tick // grid for time in (0.0, 0.029, 0.03, 0.31, 2.0)] == [0, 2, 3, 31, 200]
     for time in (-0.01, 2.02, float("nan")):
         with pytest.raises(WrongValue):
-            moments.at(built, time)
+            halts.at(built, time)
 
 
 # ---- from the command line ----

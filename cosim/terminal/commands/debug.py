@@ -16,8 +16,8 @@ from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.debugger import Debugger, Place
 from cosim.terminal.exits import DONE, STOPPED
-from cosim.tracing import hand_over, moments
-from cosim.tracing.moments import Moment
+from cosim.tracing import hand_over, halts
+from cosim.tracing.halts import Halt
 from cosim.wiring.network import Network
 
 
@@ -69,22 +69,22 @@ def _refuse(network: Network, options: argparse.Namespace) -> None:
         raise UsageError(f"there is no member {options.member}", fix="count from 1")
 
 
-def _moment(made: Program, kernels: Kernels, options: argparse.Namespace) -> Moment | None:
+def _moment(made: Program, kernels: Kernels, options: argparse.Namespace) -> Halt | None:
     """Where to stop; None, which is said, where the run has no such moment."""
     if options.at is not None:
-        return moments.at(made, options.at)
+        return halts.at(made, options.at)
     if options.when is not None:
-        found = moments.first(made, kernels, options.when)
+        found = halts.first(made, kernels, options.when)
         missing = f"{options.when} does not hold at any communication point of the run"
     else:
-        found = moments.failure(made, kernels)
+        found = halts.failure(made, kernels)
         missing = "the run comes to its end without a failure: --at TIME or --when CONDITION says where to stop"
     if found is None:
         screen.say(missing)
     return found
 
 
-def _debug(made: Program, kernels: Kernels, moment: Moment, block: str, member: int) -> int:
+def _debug(made: Program, kernels: Kernels, moment: Halt, block: str, member: int) -> int:
     """Go on from a moment under a debugger: an editor's where there is one, which has its own breakpoints."""
     editor = sys.gettrace() is not None
     debugger = Debugger(_functions(made, block), member - 1)

@@ -29,7 +29,7 @@ BEYOND = 1e-9
 
 
 @dataclass(frozen=True)
-class Moment:
+class Halt:
     """A communication point. tick: which; why: in words; error: what the run fails with behind it, if it does.
 
     component: whose fault that is, "" where it is nobody's.
@@ -41,7 +41,7 @@ class Moment:
     component: str = ""
 
 
-def at(program: Program, time: float) -> Moment:
+def at(program: Program, time: float) -> Halt:
     """The last communication point that is not after a time (s). Raises: WrongValue for one that is not in the run."""
     run = program.network.diagram.run
     if not 0.0 <= time <= run.stop * (1.0 + BEYOND):
@@ -49,10 +49,10 @@ def at(program: Program, time: float) -> Moment:
             f"there is no {time:g} s in a run of {run.stop:g} s", fix="a time within it, or a larger --stop"
         )
     step = min(math.floor(time / run.step + BEYOND), run.steps)
-    return Moment(step * program.network.schedule.grid, f"asked for {time:g} s")
+    return Halt(step * program.network.schedule.grid, f"asked for {time:g} s")
 
 
-def first(program: Program, kernels: Kernels, text: str) -> Moment | None:
+def first(program: Program, kernels: Kernels, text: str) -> Halt | None:
     """The first communication point at which a condition holds, of any member; None if it never does.
 
     Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit; as `Simulation.batches` where the run fails before.
@@ -86,13 +86,13 @@ def first(program: Program, kernels: Kernels, text: str) -> Moment | None:
             if rows.size:
                 time = float(samples.times[rows[0]])
                 step = min(round(time / network.diagram.run.step), network.diagram.run.steps)
-                return Moment(step * grid, f"{text}, first at t = {time:g} s")
+                return Halt(step * grid, f"{text}, first at t = {time:g} s")
     finally:
         simulation.close()
     return None
 
 
-def failure(program: Program, kernels: Kernels) -> Moment | None:
+def failure(program: Program, kernels: Kernels) -> Halt | None:
     """The last communication point that a run comes to before it fails; None if it comes to its end."""
     simulation = HandRun(program, kernels)
     try:
@@ -102,7 +102,7 @@ def failure(program: Program, kernels: Kernels) -> Moment | None:
         places_of = {c.entry.position: c.name for c in program.network.components.values()}
         component = places_of.get(error.position, "") if error.position else ""
         grid = program.network.schedule.grid
-        return Moment(simulation.done - simulation.done % grid, error.message, error, component)
+        return Halt(simulation.done - simulation.done % grid, error.message, error, component)
     finally:
         simulation.close()
     return None
