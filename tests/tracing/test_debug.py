@@ -12,7 +12,7 @@ import pytest
 from cosim.engine import compilation, program
 from cosim.errors import FormulaError, UnknownPort, WrongUnit, WrongValue
 from cosim.terminal import cli
-from cosim.tracing import hand_over, halts
+from cosim.tracing import halts, hand_over
 from tests.engine.test_checkpoints import ALL
 from tests.engine.test_checkpoints import HOW as METHODS
 

@@ -16,7 +16,7 @@ from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.debugger import Debugger, Place
 from cosim.terminal.exits import DONE, STOPPED
-from cosim.tracing import hand_over, halts
+from cosim.tracing import halts, hand_over
 from cosim.tracing.halts import Halt
 from cosim.wiring.network import Network
 
