@@ -58,7 +58,7 @@ from cosim.master.jacobian import (
     zero_of,
 )
 from cosim.master.linear import HUGE
-from cosim.master.listening import POINTS, differ, move_on, settle
+from cosim.master.listening import HEARINGS, differ, move_on, settle
 from cosim.master.tables import (
     ALIVE,
     ALL_FIRST,
@@ -390,7 +390,7 @@ def listen(c: Any, base: int, o: int, time: float, later: float, wider: float) -
     z, kept = vector(base, u, Z), vector(base, u, KEPT)
     for j in range(z.size):
         kept[j] = z[j]
-    for point in range(2 * POINTS):
+    for point in range(HEARINGS):
         move_on(base, u, point, wider)
         status = residual(c, base, o, time, later, TRIAL, MOVE)
         if status > WARNING:

@@ -24,10 +24,11 @@ NO_ROW = -1
 # The work space: vectors over all unknowns, and behind them a matrix for each block. The guess z, f(z), f(z) - z, a
 # step; z before it, f at a trial; sizes; what f adds up; its rounding errors as differences say, and as those of the
 # other side said; the residual that is allowed; 1 where nothing computes the unknown now, else 0; what rows and columns
-# of a matrix are divided by, and which rows change places; how large unknowns usually are, and what of f is noise.
-UNKNOWNS_VECTORS = 18
+# of a matrix are divided by, and which rows change places; how large unknowns usually are; what of f is noise, and what
+# may be at most.
+UNKNOWNS_VECTORS = 19
 Z, F, R, MOVE, KEPT, TRIAL, SIZE, WEIGHT, ROUNDING, OTHER, ALLOWED, HELD = range(12)
-DIVISORS, ROW_DIVISORS, LARGEST, PIVOTS, NOMINAL, FUZZ = range(12, UNKNOWNS_VECTORS)
+DIVISORS, ROW_DIVISORS, LARGEST, PIVOTS, NOMINAL, FUZZ, MOST = range(12, UNKNOWNS_VECTORS)
 
 
 def unknowns(at: int) -> Any:

@@ -93,3 +93,35 @@ def test_a_jump_over_the_solution_is_no_noise(solved, jump, slope, start):
     """f(y) - y is a jump at least, of one sign below 1 and of the other above; noise would be on both sides of y."""
     with pytest.raises(BlockFailed, match=r"no solution was found|undetermined"):
         solved(f"{slope!r}*(u - 1) + 1 + if(u < 1, {jump!r}, {-jump!r})", start)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-14, 1e-20])
+@pytest.mark.parametrize(
+    ("a", "b", "c", "start"),
+    [
+        (8.621255260363016, -0.4082475027640492, 4.451586943610058, 0.0),
+        (-2.162905750145546, 0.8709407240917185, -0.9382840754393206, 0.0),
+        (1.020631216152106, -1.145633460233184, 4.656761514462673, 0.0),
+        (-4.532208509425964, 1.626725701803653, -0.31242200531969, -2.2),
+    ],
+)
+def test_a_curve_is_no_noise_however_small(solved, a, b, c, start, size):
+    """y = a y^2 + b y + c, in units of a size, with (b - 1)^2 < 4 a c: no solution is real."""
+    with pytest.raises(BlockFailed, match=r"no solution was found|undetermined"):
+        solved(f"{size!r}*({a!r}*(u/{size!r})**2 + {b!r}*u/{size!r} + {c!r})", start * size)
+
+
+@pytest.mark.parametrize("size", [1e-15, 1e-20])
+@pytest.mark.parametrize("start", [0.0, -1.5])
+@pytest.mark.parametrize(
+    ("a", "b", "c"),
+    [(-5.988846710700776, 8.97159875395759, 8.240193403959678), (4.2, -1.944, 3.296), (3.81, 3.947, -1.4)],
+)
+def test_a_hard_curve_is_solved_or_not_told(solved, a, b, c, size, start):
+    """y = a cos(b y) + c, in units of a size, has solutions; y is f(z) for a z as exact as sums and slopes are."""
+    try:
+        y = solved(f"{size!r}*({a!r}*cos({b!r}*u/{size!r}) + {c!r})", start * size) / size
+    except BlockFailed:
+        return
+    slope, added = abs(a * b), abs(a) + abs(c)
+    assert a * math.cos(b * y) + c == pytest.approx(y, rel=0.0, abs=16.0 * EPSILON * slope * (added + slope * abs(y)))
