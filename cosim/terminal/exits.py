@@ -9,8 +9,8 @@ BY_SIGNAL = 128
 
 MEANINGS = """\
 exit codes:
-  0     done; `compare`: the results agree
-  1     a run was stopped by a block, diverged or could not be recorded; `compare`: the results differ;
+  0     done; `compare`, `bisect`: the results agree
+  1     a run was stopped by a block, diverged or could not be recorded; `compare`, `bisect`: they differ;
         `accuracy`, `run --error`: a figure depends on the step, or nobody can tell its error;
         `run`: a requirement is undecided;
         `study`, `report`: not one member has come to its end
