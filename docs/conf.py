@@ -1,5 +1,6 @@
 """How Sphinx makes the documentation: ``sphinx-build -W docs build/docs``, with `pip install -e '.[docs]'`."""
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,13 @@ pygments_style = "friendly"
 pygments_dark_style = "monokai"
 
 
+def _captioned(app: Any, page: str, source: list[str]) -> None:
+    """Show the name of a file above it, of which ```yaml file=name tells the tests."""
+    del app, page
+    source[0] = re.sub(r"^```(\w+) file=(\S+)$", r"```{code-block} \1\n:caption: \2\n", source[0], flags=re.MULTILINE)
+
+
 def setup(app: Any) -> None:
     """Write the pages that come from declarations before any is read."""
     app.connect("builder-inited", lambda app: reference_pages.write(Path(app.srcdir) / "reference"))
+    app.connect("source-read", _captioned)

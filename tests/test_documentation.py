@@ -94,6 +94,9 @@ def test_the_documentation_is_built_without_a_warning(tmp_path):
         (tmp_path / "built" / "reference" / f"{n}.html").read_text("utf-8") for n in ("commands", "blocks")
     )
     assert "results/&lt;diagram&gt;.nc" in commands
+    motor = (tmp_path / "built" / "tutorials" / "motor.html").read_text("utf-8")
+    captions = re.findall(r'class="code-block-caption"><span class="caption-text">([^<]*)<', motor)
+    assert captions == ["motor.yaml", "sampled.yaml"]
     drawings = dict(re.findall(r'<svg class="block" role="img" aria-label="(\w+)"(.*?)</svg>', page, re.DOTALL))
     ports = {name: re.findall(r'text-anchor="(start|end)">(\w+)<', drawing) for name, drawing in drawings.items()}
     assert ports.keys() == library.all_blocks().keys()
