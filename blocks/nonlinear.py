@@ -197,7 +197,7 @@ class RateLimit(Block):
 
         y[k] = min(max(u[k], y[k-1] - falling T), y[k-1] + rising T),   T the period
 
-    It begins where u does.
+    It begins where u does. In continuous time, an `Integrator` of a `Saturation` of (u - y) / T follows u so, T behind.
     """
 
     u = Input("n?", description="signal")
