@@ -160,6 +160,8 @@ class _Dimensions:
         message += self._origins_text(component, [d for d in variable.shape if isinstance(d, OpenDimension)])
         fleet = axes[0].fleet if axes else None
         fix = f"is `per: {fleet}` missing?" if fleet and not component.fleet else "wire a signal of that shape"
+        if not axes and len(variable.shape) == 1 and isinstance(node.value, str):
+            fix = f"write [{node.value}], or the sources of all elements, as a list"
         return WrongShape(message, node.position, fix)
 
     def _origins_text(self, component: Component, dimensions: Iterable[int | str]) -> str:

@@ -152,3 +152,11 @@ def test_a_number_that_its_data_type_cannot_hold_is_refused(tmp_path):
         else:
             with pytest.raises(DiagramErrors, match="does not fit float32"):
                 run.load(path)
+
+
+def test_a_number_where_a_vector_is_taken_is_told_to_be_written_as_a_list(write):
+    text = "run: {stop: 1, step: 0.1}\nblocks:\n  u: {block: Sine}\n"
+    text += "  k: {block: LQR, inputs: {x: SOURCE}, parameters: {A: [[1]], B: [[1]], Q: [[1]]}}\n"
+    with pytest.raises(DiagramErrors, match=r"fix: write \[u\.y\], or the sources of all elements, as a list"):
+        run.load(write(text.replace("SOURCE", "u.y")))
+    assert run.load(write(text.replace("SOURCE", "[u.y]"))).components["k"].axes
