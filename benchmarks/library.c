@@ -143,7 +143,7 @@ static double normal(int64_t *stream) {
 }
 
 EXPORT void WhiteNoise(int n, const double *mean, const double *deviation, int64_t *stream, double *y) {
-    for (int q = 0; q < n; q++) y[q] = *mean + *deviation * normal(stream);
+    for (int q = 0; q < n; q++) y[q] = mean[q] + deviation[q] * normal(stream);
 }
 
 EXPORT void Delay(int n, const int32_t *samples, int depth, const double *past, const int32_t *head, double *y) {

@@ -60,7 +60,7 @@ CASES = {
         "y p C R x P x_hat P_hat",
         {"n": 6, "p": 2, "C": (2, 6), "R": (2,), "y": (2,), "x": (6,), "P": (6, 6), "x_hat": (6,), "P_hat": (6, 6)},
     ),
-    "WhiteNoise": ("update", "mean deviation next_stream next_y", {"mean": (), "deviation": (), "next_stream": (2,)}),
+    "WhiteNoise": ("update", "mean deviation next_stream next_y", {"next_stream": (2,)}),
     "Delay": ("outputs", "samples depth past head y", {"samples": (), "depth": 64, "past": (64, N), "head": ()}),
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cosim import Block, CalculatedParameter, Dimension, Parameter, Seed, State, Stream, random
+from cosim import Block, CalculatedParameter, Parameter, Seed, State, Stream, random
 
 
 class WhiteNoise(Block):
@@ -14,17 +14,16 @@ class WhiteNoise(Block):
 
         y[k] = mean + deviation v[k],   v[k] ~ N(0, 1)
 
-    Sampled: give it a `period`. As an approximation of continuous white noise of the
-    two-sided power spectral density S, take deviation = sqrt(S / period). The first number is there a period after the
-    start, and `mean` before.
+    Sampled: give it a `period`. As an approximation of continuous white noise of the two-sided power spectral density
+    S, take deviation = sqrt(S / period). The first number is there a period after the start, and `mean` before. It is a
+    scalar, or a vector where a parameter is one or `dimensions: {n: 3}` says so; so are the others here.
     """
 
-    mean = Parameter(default=0.0, description="mean")
-    deviation = Parameter(default=1.0, min=0.0, description="standard deviation")
+    mean = Parameter("n?", default=0.0, description="mean")
+    deviation = Parameter("n?", default=1.0, min=0.0, description="standard deviation")
     seed = Seed()
     stream = Stream()
-    n = Dimension(default=1, description="how many signals")
-    y = State("n", output=True, description="noise")
+    y = State("n?", output=True, description="noise")
 
     def start(mean, seed, y, stream):
         random.begin(stream, seed)
@@ -32,7 +31,7 @@ class WhiteNoise(Block):
 
     def update(mean, deviation, next_stream, next_y):
         for q in range(next_y.size):
-            next_y[q] = mean + deviation * random.normal(next_stream)
+            next_y[q] = mean[q] + deviation[q] * random.normal(next_stream)
 
 
 class UniformNoise(Block):
@@ -45,12 +44,11 @@ class UniformNoise(Block):
     Sampled: give it a `period`. The first number is there a period after the start, and the middle before.
     """
 
-    low = Parameter(default=0.0, description="lower end")
-    high = Parameter(default=1.0, description="upper end")
+    low = Parameter("n?", default=0.0, description="lower end")
+    high = Parameter("n?", default=1.0, description="upper end")
     seed = Seed()
     stream = Stream()
-    n = Dimension(default=1, description="how many signals")
-    y = State("n", output=True, description="noise")
+    y = State("n?", output=True, description="noise")
 
     def start(low, high, seed, y, stream):
         random.begin(stream, seed)
@@ -58,7 +56,7 @@ class UniformNoise(Block):
 
     def update(low, high, next_stream, next_y):
         for q in range(next_y.size):
-            next_y[q] = low + (high - low) * random.uniform(next_stream)
+            next_y[q] = low[q] + (high[q] - low[q]) * random.uniform(next_stream)
 
 
 class BandLimitedNoise(Block):
@@ -72,25 +70,25 @@ class BandLimitedNoise(Block):
     the period. It starts in its stationary distribution's mean, 0. Sampled: give it a `period`.
     """
 
-    bandwidth = Parameter(unit="Hz", default=1.0, min=0.0, description="frequency at which the density is halved")
-    deviation = Parameter(default=1.0, min=0.0, description="standard deviation")
+    bandwidth = Parameter("n?", unit="Hz", default=1.0, min=0.0, description="frequency at which the density is halved")
+    deviation = Parameter("n?", default=1.0, min=0.0, description="standard deviation")
     seed = Seed()
-    kept = CalculatedParameter(description="how much of a sample is in the next one")
-    fresh = CalculatedParameter(description="how much of a sample is new")
+    kept = CalculatedParameter("n?", description="how much of a sample is in the next one")
+    fresh = CalculatedParameter("n?", description="how much of a sample is new")
     stream = Stream()
-    n = Dimension(default=1, description="how many signals")
-    y = State("n", output=True, description="noise")
+    y = State("n?", output=True, description="noise")
 
     def calculate(bandwidth, deviation, period, kept, fresh):
-        kept[0] = math.exp(-2.0 * math.pi * bandwidth * period)
-        fresh[0] = deviation * math.sqrt(1.0 - kept[0] * kept[0])
+        for q in range(kept.size):
+            kept[q] = math.exp(-2.0 * math.pi * bandwidth[q] * period)
+            fresh[q] = deviation[q] * math.sqrt(1.0 - kept[q] * kept[q])
 
     def start(seed, stream):
         random.begin(stream, seed)
 
     def update(y, kept, fresh, next_stream, next_y):
         for q in range(y.size):
-            next_y[q] = kept * y[q] + fresh * random.normal(next_stream)
+            next_y[q] = kept[q] * y[q] + fresh[q] * random.normal(next_stream)
 
 
 class RandomWalk(Block):
@@ -103,15 +101,14 @@ class RandomWalk(Block):
     Its variance grows by intensity² a second, whatever the period. Sampled: give it a `period`.
     """
 
-    intensity = Parameter(default=1.0, min=0.0, description="standard deviation after one second")
+    intensity = Parameter("n?", default=1.0, min=0.0, description="standard deviation after one second")
     seed = Seed()
     stream = Stream()
-    n = Dimension(default=1, description="how many signals")
-    y = State("n", output=True, description="position of the walk")
+    y = State("n?", output=True, description="position of the walk")
 
     def start(seed, stream):
         random.begin(stream, seed)
 
     def update(y, intensity, period, next_stream, next_y):
         for q in range(y.size):
-            next_y[q] = y[q] + intensity * math.sqrt(period) * random.normal(next_stream)
+            next_y[q] = y[q] + intensity[q] * math.sqrt(period) * random.normal(next_stream)

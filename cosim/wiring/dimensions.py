@@ -136,10 +136,10 @@ class _Dimensions:
         last = source.members if isinstance(source.members, int) else source.members[1]
         size = axes[0].size if axes else 0
         if last > size:
-            message = f"block {component.name}: `{source}` for input `{port}`: {source.whole} has {size} members"
-            raise WrongShape(
-                message, component.entry.inputs[port].position, f"take members 1 to {size}" if size else ""
-            )
+            there_is = f"has {size} members" if size else "is one number"
+            message = f"block {component.name}: `{source}` for input `{port}`: {source.whole} {there_is}"
+            fix = f"take members 1 to {size}" if size else f"write {source.whole}"
+            raise WrongShape(message, component.entry.inputs[port].position, fix)
         return source.axes(axes)
 
     def _unify(self, component: Component, dimension: int | str, axis: Axis, origin: str) -> bool:

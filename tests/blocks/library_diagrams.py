@@ -61,8 +61,11 @@ PARAMETERS["DiscreteStateSpaceFeedthrough"] = {
 PARAMETERS["DiscreteStateSpace"] = {
     key: text.replace("-4, -1", "-0.4, -0.1") for key, text in PARAMETERS["StateSpace"].items()
 }
-for _seed, _name in enumerate(("BandLimitedNoise", "RandomWalk", "UniformNoise", "WhiteNoise")):
-    PARAMETERS[_name] = {"": f"seed: {_seed}", "fleet": f'seed: "{_seed} + 10*i"'}
+NOISES = {"BandLimitedNoise": "bandwidth", "RandomWalk": "intensity", "UniformNoise": "high", "WhiteNoise": "mean"}
+PARAMETERS |= {
+    name: {"": f"seed: {k}", "vector": f"seed: {k}, {own}: [1, 2, 3]", "fleet": f'seed: "{k} + 10*i"'}
+    for k, (name, own) in enumerate(NOISES.items())
+}
 POSITIVE = {"Log", "Sqrt", "Division"}
 
 
@@ -89,9 +92,7 @@ def _entry(name: str, variant: str, parameters: str) -> str:
     wires = ", ".join(f"{v.name}: {_source(name, v, variant)}" for v in inputs)
     sampled = bool(declaration.kind("update")) or "period" in declaration.variables
     period = ", period: 0.015625" if sampled or name == "ZeroOrderHold" else ""
-    sizes = ", dimensions: {n: 3}" if variant == "vector" and "n" in declaration.dimensions else ""
-    rest = f"{VARIANTS[variant]}{period}{sizes}, parameters: {{{parameters}}}, inputs: {{{wires}}}"
-    return f"  {name}: {{block: {name}{rest}}}"
+    return f"  {name}: {{block: {name}{VARIANTS[variant]}{period}, parameters: {{{parameters}}}, inputs: {{{wires}}}}}"
 
 
 def write(folder: Path, file: str, variant: str) -> tuple[Path, list[str]]:

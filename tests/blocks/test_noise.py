@@ -69,7 +69,7 @@ def test_the_numbers_follow_their_laws(noise, trajectories):
     assert np.abs(correlations - np.eye(4)).max() < 4 / root
     assert np.abs((unit[1:] * unit[:-1]).mean(0)).max() < 4 / root  # of one number and the next
     assert np.abs((unit**4).mean(0) - 3.0).max() < 4 * math.sqrt(24) / root  # as a normal law has it
-    flat = found["flat.y"][1:4001, 0]
+    flat = found["flat.y"][1:4001]
     assert abs(flat.mean() - 0.5) < 4 * math.sqrt(9 / 12) / root and -1 < flat.min() < -0.99 and 1.99 < flat.max() < 2
     steps = np.diff(found["walk.y"][:4001], axis=0)
     assert abs(steps.var() / (0.25 * 0.01) - 1.0) < 4 * math.sqrt(2 / 200_000)
@@ -144,3 +144,20 @@ def random_block():
             next_y[0] = 0.0
 
     return Base
+
+
+def test_noise_is_a_scalar_that_is_added_to_a_signal_or_as_many_as_its_parameters_are(write, trajectories):
+    text = """
+    run: {stop: 1, step: 0.125}
+    blocks:
+      one: {block: WhiteNoise, period: 0.125, parameters: {seed: 5, mean: 1}}
+      two: {block: WhiteNoise, period: 0.125, parameters: {seed: 6, deviation: [1, 3]}}
+      sum: {block: Sum, inputs: {u_1: 2, u_2: one.y}}
+    """
+    found = trajectories(run.load(write(text)), "one.y", "two.y", "sum.y")
+    assert found["one.y"].shape == (9,) and found["two.y"].shape == (9, 2)
+    assert np.array_equal(found["sum.y"], 2.0 + found["one.y"]) and found["one.y"][0] == 1.0
+    stream = [6, 0]
+    random.begin(stream, 6)
+    numbers = [random.normal(stream) for _ in range(16)]
+    assert found["two.y"][1:].ravel().tolist() == [n * (1.0, 3.0)[k % 2] for k, n in enumerate(numbers)]

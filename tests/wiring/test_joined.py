@@ -154,6 +154,12 @@ def test_a_number_that_its_data_type_cannot_hold_is_refused(tmp_path):
                 run.load(path)
 
 
+def test_a_member_of_one_number_is_that_number(write):
+    text = 'run: {stop: 1, step: 0.1}\nblocks:\n  u: {block: Sine}\n  k: {block: Gain, inputs: {u: "u.y[1]"}}\n'
+    with pytest.raises(DiagramErrors, match=r"u\.y is one number\n    fix: write u\.y"):
+        run.load(write(text))
+
+
 def test_a_number_where_a_vector_is_taken_is_told_to_be_written_as_a_list(write):
     text = "run: {stop: 1, step: 0.1}\nblocks:\n  u: {block: Sine}\n"
     text += "  k: {block: LQR, inputs: {x: SOURCE}, parameters: {A: [[1]], B: [[1]], Q: [[1]]}}\n"
