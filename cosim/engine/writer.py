@@ -196,8 +196,8 @@ class Writer:
         self._row(tables.PUSH, self.layout.histories[signal], at_end=at_end)
 
     def forget(self, component: Component, port: str) -> None:
-        """Begin the history of an input anew where a sampled block is due that it depends on: then it jumps."""
-        for clock in jumps.behind(self.network, component, port).clocks:
+        """Begin the history of an input anew where a sampled block is due that it depends on: then it breaks."""
+        for clock in jumps.breaks(self.network, component, port):
             if clock in self.clocks:  # else it is due after the end
                 self._row(tables.FORGET, self.layout.histories[Signal(component.name, port)], clock=self.clocks[clock])
 

@@ -16,6 +16,7 @@ import numpy as np
 from cosim.authoring.variables import CalculatedParameter, Parameter, Period, State
 from cosim.wiring.clocks import MOST_TICKS, Clock, common, exact, schedule
 from cosim.wiring.network import Component, Coupling, Network, Signal, Task
+from cosim.wiring.order import needed_outputs
 
 FINEST = 2**30  # parts of a tick: 1e-9 of it, as near as which a time is that of a sample
 ECHOES = 32  # how often a way back leads through one wire that is late
@@ -26,12 +27,14 @@ class Behind:
     """What a wire depends on at one instant.
 
     clocks: by which it jumps, also from start values; strikes: whether it does at other times too, such as an event's.
-    flows: whether it changes between two jumps.
+    flows: whether it changes between two jumps. states: those behind it that are integrated, and by how much it is
+    later than they are (s).
     """
 
     clocks: tuple[Clock, ...]
     strikes: bool
     flows: bool
+    states: tuple[tuple[Signal, Fraction], ...] = ()
 
 
 def settle(network: Network) -> None:
@@ -52,7 +55,7 @@ def behind(network: Network, component: Component, port: str) -> Behind:
     """What the sources of an input depend on, the nearest ways first."""
     clocks, echoes = dict[Clock, None](), Counter[Signal]()
     waiting = deque((source.whole, Fraction(0)) for source in component.wires[port])
-    seen, strikes, flows = set(waiting), False, False
+    seen, strikes, flows, states = set(waiting), False, False, list[tuple[Signal, Fraction]]()
     while waiting:
         signal, shift = waiting.popleft()
         there = network.components[signal.component]
@@ -62,6 +65,8 @@ def behind(network: Network, component: Component, port: str) -> Behind:
             if clock and not any(clock.follows(other) for other in clocks):
                 clocks[clock] = None
             continue
+        if there.declaration.variables.get(signal.variable) in there.declaration.continuous():
+            states.append((signal, shift))
         if there.is_late(signal.variable):
             shift += there.couplings[signal.variable].shift
             echoes[signal] += 1
@@ -75,7 +80,14 @@ def behind(network: Network, component: Component, port: str) -> Behind:
             if (read, shift) not in seen:
                 seen.add((read, shift))
                 waiting.append((read, shift))
-    return Behind(tuple(clocks), strikes, flows)
+    return Behind(tuple(clocks), strikes, flows, tuple(states))
+
+
+def breaks(network: Network, component: Component, port: str) -> list[Clock]:
+    """The clocks by which an input goes on otherwise than before: it jumps, or, for a parabola, has a corner."""
+    found, order = behind(network, component, port), component.couplings[port].order
+    corners = _corners(network, found) if order > 1 else ()
+    return [*dict.fromkeys((*found.clocks, *corners))]
 
 
 def flows(network: Network, component: Component, port: str) -> bool:
@@ -121,6 +133,18 @@ def _jumps(network: Network, component: Component, port: str) -> list[Clock]:
     if port in component.given and all(clock.offset > coupling.shift for clock in clocks):
         clocks.append(_once(network, coupling.shift))
     return clocks
+
+
+def _corners(network: Network, found: Behind) -> Iterable[Clock]:
+    """The clocks by which a slope jumps, as the derivative of a state does."""
+    for state, shift in found.states:
+        there = network.components[state.component]
+        driving = [f for f in there.declaration.kind("derivatives") if f"d_{state.variable}" in f.writes]
+        reads = (name for function in (*needed_outputs(there), *driving) for name in function.reads)
+        for name in {*reads} & {*there.wires}:
+            late = there.is_late(name)
+            clocks = there.couplings[name].jumps if late else behind(network, there, name).clocks
+            yield from (clock.later(shift) for clock in clocks)
 
 
 def _once(network: Network, time: Fraction) -> Clock:

@@ -260,6 +260,36 @@ def test_a_start_value_that_ends_arrives_through_a_second_delay(wired, trajector
     assert x[-1] == pytest.approx(5 * 0.38 + 2 * 0.62, abs=1e-14)
 
 
+CORNERS = """
+run: {stop: 2, step: 0.05, integrator: dormand-prince, extrapolation: 2}
+blocks:
+  source: {own:Sine}
+  hold: {own:Gain, period: 0.2, inputs: {u: source.y}}
+  lag: {block: FirstOrder, parameters: {T: 0.2}, inputs: {u: WIRE}}
+  x: {own:Integrator, inputs: {u: lag.x}}
+"""
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "iterated"])
+def test_where_what_is_sampled_bends_a_state_a_parabola_begins_anew(wired, trajectories, method, delay):
+    """A lag of samples has a corner at each, and a parabola through one is of order 2; x integrates the lag."""
+    lag, exact_x = 0.0, [0.0]
+    for k in range(20):  # tenths of a second
+        sample = (k - round(10.0 * delay)) // 2
+        u = math.sin(0.6 * sample) if sample >= 0 else 1.0
+        later = u + (lag - u) * math.exp(-0.5)
+        lag, exact_x = later, [*exact_x, exact_x[-1] + 0.1 * u - 0.2 * (later - lag)]
+    late = f"{{from: hold.y, delay: {delay}}}}}, start: {{u: 1}}}}"
+    text = CORNERS.replace("WIRE}}", late if delay else "hold.y}}")
+    errors = []
+    for step in (0.05, 0.025, 0.0125):
+        network = wired(text, f"run.step={step}", f"run.method={method}")
+        x = trajectories(network, "x.x")["x.x"][:: round(0.1 / step)]
+        errors.append(np.abs(x - exact_x).max())
+    assert math.log2(errors[0] / errors[2]) / 2.0 == pytest.approx(3.0, abs=0.3), errors
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
