@@ -58,7 +58,9 @@ def shares(a: Network, b: Network) -> Shares:
     try:
         first, second = _figures(a), _figures(b)
     except CosimError as error:
-        return Shares(({}, {}), tuple(Contribution(key, told.texts, None, error.message) for key, told in found.items()))
+        return Shares(
+            ({}, {}), tuple(Contribution(key, told.texts, None, error.message) for key, told in found.items())
+        )
     both = [name for name in first if name in second]
     metrics = {n: first[n] for n in both}, {n: second[n] for n in both}
     if len(found) > MOST:
@@ -71,7 +73,9 @@ def shares(a: Network, b: Network) -> Shares:
             changes = {n: ((forward[n] - first[n]) + (second[n] - backward[n])) / 2 for n in both}
             made.append(Contribution(key, told.texts, changes))
         except (CosimError, KeyError) as error:
-            made.append(Contribution(key, told.texts, None, error.message if isinstance(error, CosimError) else "no figure"))
+            made.append(
+                Contribution(key, told.texts, None, error.message if isinstance(error, CosimError) else "no figure")
+            )
     return Shares(metrics, tuple(made))
 
 
