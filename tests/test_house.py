@@ -29,6 +29,7 @@ FLOORS = (
     "accuracy",
     "search",
     "export",
+    "drawing",
     "report",
     "project",
     "face",

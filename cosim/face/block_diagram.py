@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cosim.authoring.block import Block
+from cosim.drawing import shapes
+from cosim.drawing.svg import svg
 from cosim.engine import compilation, program
 from cosim.engine.run import Run
 from cosim.errors import CosimError, KeyPath, WrongType
-from cosim.face import drawing
 from cosim.face.finished_run import FinishedRun
 from cosim.face.pictures import Picture
 from cosim.face.recipe import Recipe
@@ -133,7 +134,7 @@ class BlockDiagram:
 
     def draw(self, output: str | Path | None = None) -> Picture:
         """Its blocks and wires as a picture. output: an .svg where that is written too. Raises: DiagramErrors."""
-        picture = Picture(drawing.svg_of(self.network))
+        picture = Picture(svg(shapes.drawing(self.network)))
         if output is not None:
             picture.save(output)
         return picture

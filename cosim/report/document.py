@@ -16,6 +16,7 @@ from string import Template
 
 import numpy as np
 
+from cosim.drawing import marks, shapes, svg
 from cosim.errors import PlotError, ResultError
 from cosim.machine import files
 from cosim.machine.parallel import processors
@@ -124,7 +125,7 @@ def _section(results: Results, pictures: Pictures) -> str:
     parts += ["<h3>What this was computed from</h3>", _list([*words.failures(rows), _timing(results, rows)])]
     parts.append(_details("the study", study.text))
     for name in study.variants:
-        parts.append(_details(f"resolved diagram of {name}", results.variants.base(name).diagram.resolved()))
+        parts += [_drawing(results, name), _details(f"resolved diagram of {name}", _resolved(results, name))]
     return "\n".join([*parts, "</section>"])
 
 
@@ -238,6 +239,21 @@ def _timing(results: Results, rows: list[Row]) -> str:
 def _list(sentences: Iterable[str]) -> str:
     items = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f"<ul>{items}</ul>" if items else ""
+
+
+def _resolved(results: Results, variant: str) -> str:
+    return results.variants.base(variant).diagram.resolved()
+
+
+def _drawing(results: Results, variant: str) -> str:
+    """The blocks and wires of a variant; marked, those that differ from the study's first one."""
+    first, network = results.variants.base(next(iter(results.study.variants))), results.variants.base(variant)
+    drawn = svg.svg(shapes.drawing(network, marks.changed(network, first)))
+    data = base64.b64encode(drawn.encode()).decode()
+    shown = (
+        f'<img style="max-width: 100%" src="data:image/svg+xml;base64,{data}" alt="{escape(network.diagram.title)}">'
+    )
+    return f"<details><summary>drawing of {escape(variant)}</summary>{shown}</details>"
 
 
 def _details(title: str, text: str) -> str:

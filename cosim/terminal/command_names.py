@@ -19,5 +19,6 @@ COMMANDS = {
     "sensitivity": "say how much of a figure's variance each drawn value explains",
     "report": "run studies, and write one HTML file with their tables and pictures",
     "plot": "draw recorded signals, or animate a run",
+    "draw": "draw a diagram: blocks, ports and wires",
     "compare": "show results side by side, and where they and their diagrams differ",
 }
