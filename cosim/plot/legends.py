@@ -15,6 +15,8 @@ LISTED = 24
 """More lines than this have no names but their number."""
 LETTERS = 17
 """Of a legend's text, an inch."""
+ROW = 0.17
+"""Of a legend, in inches, by which a figure is higher, so that its panels are not lower."""
 HANDLE = 7
 """Letters that a line's sample in a legend takes."""
 CORNER: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 7}
@@ -44,7 +46,8 @@ def place(figure: Any, legends: Sequence[Legend], runs: int) -> None:
     first = legends[0]
     inches = figure.get_figwidth()
     if len(legends) > 1 and same and 1 < len(first.names) <= LISTED:
-        _above(figure, first, inches, loc="outside upper center")
+        rows = _above(figure, first, inches, loc="outside upper center")
+        figure.set_figheight(figure.get_figheight() + ROW * rows)
         return
     columns = len({round(legend.axis.get_position().x0, 3) for legend in legends})
     for k, legend in enumerate(legends):
@@ -57,7 +60,7 @@ def place(figure: Any, legends: Sequence[Legend], runs: int) -> None:
         elif len(legend.names) > 4 or max(map(len, legend.names), default=0) > LETTERS:
             more = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.02)}
             rows = _above(legend.axis, legend, inches / columns - 0.6, **more)
-            figure.set_figheight(figure.get_figheight() + 0.17 * rows / columns + 0.1)
+            figure.set_figheight(figure.get_figheight() + ROW * rows / columns + 0.1)
         else:
             legend.axis.legend(legend.handles, legend.names, loc="best" if legend.count <= NAMED else "upper right")
 

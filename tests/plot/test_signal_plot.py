@@ -76,6 +76,16 @@ def test_one_line_is_named_by_its_axis_alone_however_long_its_name(run):
     assert labels(figure) == []
 
 
+def test_a_long_legend_takes_no_height_from_the_panels(run):
+    runs = [run(name=f"a_run_of_a_long_name_{k}", a__y=TIMES + k, b__y=TIMES - k) for k in range(20)]
+    heights = []
+    for found in ([runs[0]], runs):
+        figure = plot(found, "a.y, b.y")
+        figure.draw_without_rendering()
+        heights.append(figure.axes[0].get_window_extent().height / figure.dpi)
+    assert len(labels(figure)) == 20 and heights[1] > 0.9 * heights[0]
+
+
 def test_panels_share_time_and_only_the_lowest_numbers_it(run):
     figure = plot(run(a__y=TIMES, b__y=TIMES**2, c__y=-TIMES), "a.y, b.y + c.y")
     upper, lower = figure.axes
