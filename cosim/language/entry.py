@@ -34,7 +34,7 @@ class BlockEntry:
     dimensions: whole numbers from 1. ports: our name → the FMU's variable, or nested lists of such. settings: values
     of SETTINGS that it gives, in range.
     Of what was written for a type that this one replaces, dropped is what `drop:` names, and unfit what goes with no
-    block of this kind.
+    block of this kind. mistaken: parameters and start values of which it has been told what is wrong with them.
     """
 
     name: str
@@ -49,6 +49,7 @@ class BlockEntry:
     ports: dict[str, Node] = field(default_factory=dict)
     dropped: list[str] = field(default_factory=list)
     unfit: dict[str, Node] = field(default_factory=dict)
+    mistaken: set[str] = field(default_factory=set)
 
     @property
     def data_files(self) -> list[FromFile]:
@@ -229,6 +230,7 @@ def _take(entry: BlockEntry, key: str, node: Node, reader: Reader) -> None:
         wires = {port: _wire(wire, f"{where}.{port}", reader) for port, wire in node.value.items()}
         node = replace(node, value={port: wire for port, wire in wires.items() if wire})
     if BLOCK[key].below:
-        setattr(entry, key, read_named(BLOCK[key], node.value, where, reader))
+        setattr(entry, key, found := read_named(BLOCK[key], node.value, where, reader))
+        entry.mistaken |= node.value.keys() - found.keys()
     elif not _is_mistake(value := read_value(BLOCK[key], node, where, reader)):
         entry.settings[key] = replace(node, value=value)

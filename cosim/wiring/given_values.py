@@ -47,7 +47,7 @@ def _take_given(
 def _take_default(draft: Draft, component: Component, variable: Variable) -> None:
     if variable.start is not None:
         draft.values[component.name, variable.name] = Value.of(variable.start, component.entry.position)
-    elif isinstance(variable, Parameter):
+    elif isinstance(variable, Parameter) and variable.name not in component.entry.mistaken:
         name = component.declaration.name
         message = f"block {component.name}: parameter `{variable.name}` of {name} has no value"
         fix = f"add `{variable.name}:` under blocks.{component.name}.parameters"

@@ -203,3 +203,12 @@ def test_values_are_converted_as_those_of_the_diagram_are(data):
         with pytest.raises(DiagramErrors) as caught:
             run.load("d.yaml", [setting])
         assert words in str(caught.value)
+
+
+def test_a_value_that_cannot_be_read_is_one_mistake_and_not_missing_too(data):
+    values = "{times: {file: data/t.csv, column: time}, values: {file: data/t.csv, column: torqe}}"
+    text = f"{HEAD}blocks: {{b: {{block: TableSource, parameters: {values}}}}}\n"
+    with pytest.raises(DiagramErrors) as caught:
+        run.load(write("d.yaml", text))
+    (error,) = caught.value.errors
+    assert type(error) is WrongValue and "no column `torqe`" in error.message
