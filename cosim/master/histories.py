@@ -196,11 +196,16 @@ def join(base: int, history: int, h: Any, times: Any, wanted: float, age: int, o
 def misfit(base: int, history: int, time: float) -> float:
     """By how much of what a wire brings at a time (s) differs from what it was extrapolated to be.
 
-    Relative to the largest magnitude so far; infinite where something is no number.
+    Relative to the largest magnitude so far; infinite where something is no number. Where the sample of that time is
+    kept already, as a block that takes its turn later has read it, from those before.
     """
     h = words_at(base + history, HISTORY_WORDS)
     there, to = reals_at(base + h[FRESH], h[WORDS]), aside(base, history)
+    newest, kept = h[NEWEST], h[FILLED]
+    if kept > 1 and times_of(base, history, h)[newest] == time:
+        h[NEWEST], h[FILLED] = (newest - 1) % h[ROOM], kept - 1
     trace(base, history, time, to, 1)
+    h[NEWEST], h[FILLED] = newest, kept
     wanted = reals_at(to, h[WORDS])
     error, largest = 0.0, reals_at(base + history, HISTORY_WORDS)[LARGEST]
     for j in range(there.size):
