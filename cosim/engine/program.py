@@ -33,7 +33,7 @@ from cosim.engine.writer import Call, Writer
 from cosim.errors import FmuError
 from cosim.integrators import ScipyMethod
 from cosim.master import tables, unknowns
-from cosim.wiring import order
+from cosim.wiring import jumps, order
 from cosim.wiring.clocks import Schedule
 from cosim.wiring.network import Component, Loop, Network, Signal, Task
 
@@ -50,7 +50,8 @@ class Attempts:
     """How steps are judged and repeated, see `cosim.master.attempts`.
 
     starts: whether one is repeated that has nothing to extrapolate from. eventful: whether there may be time events
-    between two communication points. histories: offset and size of their table.
+    between two communication points. histories: offset of their table, how many are not
+    read late, and how many are judged.
     """
 
     tolerance: float
@@ -58,7 +59,7 @@ class Attempts:
     starts: bool
     rollback: bool
     eventful: bool
-    histories: tuple[int, int]
+    histories: tuple[int, int, int]
 
     @property
     def needed(self) -> bool:
@@ -149,7 +150,7 @@ class Program:
         words[tables.PUBLISHED32], words[tables.N_PUBLISHED32] = layout.published["float32"]
         words[tables.ATTEMPTS], words[tables.REPEATS] = attempts.needed, attempts.repeats
         words[tables.STARTS], words[tables.ROLLBACK] = attempts.starts, attempts.rollback
-        words[tables.HISTORIES], words[tables.N_HISTORIES] = attempts.histories
+        words[[tables.HISTORIES, tables.N_HISTORIES, tables.N_JUDGED]] = attempts.histories
         words[tables.EVENTFUL], words[tables.DIVISIBLE] = attempts.eventful, not self.network.rigid
         words[tables.PROPOSED] = schedule.grid if attempts.rollback else 1
         words[tables.WATCHED], words[tables.N_WATCHED] = watched.table, watched.components
@@ -269,6 +270,8 @@ def _write_point(writer: Writer, tasks: Iterable[Task | Loop]) -> None:
     writer.phase("EVENTS", begin)
     begin = writer.begin()
     writer.tasks(tasks)
+    for component, port in jumps.judged(writer.network):
+        writer.join(component, port, layout.fresh[Signal(component.name, port)].offset)
     writer.phase("EVALUATE", begin)
     begin = writer.begin()
     for component in components.values():
@@ -324,14 +327,14 @@ def _write_attempts(writer: Writer) -> Attempts:
     for component, port in several if goes_back else ():
         writer.remember(component, port)
     writer.phase("KEEP", begin)
-    offsets = [layout.histories[Signal(component.name, port)] for component, port in several]
+    offsets = [layout.histories[Signal(c.name, port)] for c, port in (*several, *jumps.judged(network))]
     return Attempts(
         tolerance=run.coupling_tolerance or 0.0,
         repeats=int(run.method == "iterated"),
         starts=steep,
         rollback=goes_back,
         eventful=bool(writer.phases["TIMES"][0] < writer.phases["TIMES"][1]),
-        histories=(layout.constant(np.array(offsets, np.int64)), len(offsets)),
+        histories=(layout.constant(np.array(offsets, np.int64)), len(several), len(offsets)),
     )
 
 

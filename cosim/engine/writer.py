@@ -178,9 +178,10 @@ class Writer:
         if component.is_late(port) and not first:
             self._row(tables.TRACE, self.layout.histories[signal], clock=clock, at_end=at_end)
         elif not (component.is_late(port) and port in component.given):
-            self._join(component, port, self.layout.places[signal].offset, clock)
+            self.join(component, port, self.layout.places[signal].offset, clock)
 
-    def _join(self, component: Component, port: str, to: int, clock: int = 0) -> None:
+    def join(self, component: Component, port: str, to: int, clock: int = 0) -> None:
+        """Copy what a wire brings to an offset."""
         for source in component.wires[port]:
             size = self.layout.bytes_of(source)
             self.copy(to, self.layout.offset_of(source), size, clock)
@@ -188,11 +189,9 @@ class Writer:
 
     def remember(self, component: Component, port: str, at_end: bool = False) -> None:
         """Keep what a wire brings now, for an input that is read late or extrapolated."""
-        signal = Signal(component.name, port)
-        if component.is_late(port):
-            self._join(component, port, self.layout.fresh[signal].offset)
-        elif at_end:
-            self._join(component, port, self.layout.places[signal].offset)
+        signal, late = Signal(component.name, port), component.is_late(port)
+        if late or at_end:
+            self.join(component, port, (self.layout.fresh if late else self.layout.places)[signal].offset)
         self._row(tables.PUSH, self.layout.histories[signal], at_end=at_end)
 
     def forget(self, component: Component, port: str) -> None:

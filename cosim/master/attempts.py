@@ -45,6 +45,7 @@ from cosim.master.tables import (
     LONGEST,
     N_HISTORIES,
     N_INDICATORS,
+    N_JUDGED,
     NEXT_EVENT,
     OK,
     PROPOSED,
@@ -172,7 +173,7 @@ def judge(c: Any, base: int, tolerance: float, status: int, later: float) -> flo
     if perform(c, base, EVALUATE, EVALUATE, later) > WARNING:
         return LEAST
     factor = MOST / SAFETY
-    for j in range(c[N_HISTORIES]):
+    for j in range(c[N_JUDGED]):
         history = words_at(base + c[HISTORIES] + j * 8, 1)[0]
         error = misfit(base, history, later) / tolerance
         if error > 0.0:
@@ -187,7 +188,7 @@ def settle(c: Any, base: int, n: int, factor: float) -> None:
     c[LONGEST] = max(c[LONGEST], n)
     most = MOST if c[ROLLBACK] != 0 else CAUTIOUS
     c[PROPOSED] = max(1, math.ceil(n * min(most, max(LEAST, SAFETY * factor))))
-    for j in range(c[N_HISTORIES]):
+    for j in range(c[N_JUDGED]):
         measure(base, words_at(base + c[HISTORIES] + j * 8, 1)[0])
 
 

@@ -196,11 +196,13 @@ def join(base: int, history: int, h: Any, times: Any, wanted: float, age: int, o
 def misfit(base: int, history: int, time: float) -> float:
     """By how much of what a wire brings at a time (s) differs from what it was extrapolated to be.
 
-    Relative to the largest magnitude so far; infinite where something is no number. Where the sample of that time is
-    kept already, as a block that takes its turn later has read it, from those before.
+    Relative to the largest magnitude so far; infinite where something is no number. Of what is read late as of `bend`.
+    Where the sample of that time is kept already, as a block that takes its turn later has read it, from those before.
     """
     h = words_at(base + history, HISTORY_WORDS)
     there, to = reals_at(base + h[FRESH], h[WORDS]), aside(base, history)
+    if reals_at(base + history, HISTORY_WORDS)[DELAY] > 0.0:
+        return bend(base, history, h, time)
     newest, kept = h[NEWEST], h[FILLED]
     if kept > 1 and times_of(base, history, h)[newest] == time:
         h[NEWEST], h[FILLED] = (newest - 1) % h[ROOM], kept - 1
@@ -215,10 +217,30 @@ def misfit(base: int, history: int, time: float) -> float:
     return error / largest if error > 0.0 else 0.0
 
 
+def bend(base: int, history: int, h: Any, time: float) -> float:
+    """By how much a curve through what comes in at a time (s) and two samples misses the line from the newest.
+
+    With one sample alone, by how much the line rises; the first line after a jump is not judged.
+    """
+    times, largest, error = times_of(base, history, h), reals_at(base + history, HISTORY_WORDS)[LARGEST], 0.0
+    there, one = reals_at(base + h[FRESH], h[WORDS]), reals_at(sample(base, history, h, 0), h[WORDS])
+    before = reals_at(sample(base, history, h, min(1, h[FILLED] - 1)), h[WORDS])
+    size = time - times[h[NEWEST]]
+    earlier = times[h[NEWEST]] - times[(h[NEWEST] - 1) % h[ROOM]]
+    for j in range(there.size if h[FILLED] == 1 or begins_of(base, history, h)[h[NEWEST]] == 0 else 0):
+        missed = there[j] - one[j]
+        if h[FILLED] > 1:
+            missed = 0.25 * (missed - (one[j] - before[j]) * size / earlier) * size / (size + earlier)
+        if not abs(missed) <= math.inf:
+            return math.inf
+        error, largest = max(error, abs(missed)), max(largest, abs(there[j]))
+    return error / largest if error > 0.0 else 0.0
+
+
 def order_of(base: int, history: int) -> int:
-    """The order to which a wire is extrapolated now."""
-    h = words_at(base + history, HISTORY_WORDS)
-    order: int = min(h[BEYOND], h[FILLED] - 1)
+    """The order to which a wire is extrapolated now; or between two samples, of what is read late."""
+    h, late = words_at(base + history, HISTORY_WORDS), reals_at(base + history, HISTORY_WORDS)[DELAY] > 0.0
+    order: int = min(h[BETWEEN] if late else h[BEYOND], h[FILLED] - 1)
     return order
 
 

@@ -72,7 +72,7 @@ GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = 
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.
-CONTROL_WORDS = 73
+CONTROL_WORDS = 74
 (
     ROWS,
     BANKS,
@@ -118,7 +118,8 @@ CONTROL_WORDS = 73
     ROLLBACK,  # whether a step can be done anew
     STARTS,  # whether a step is repeated once where there is nothing to extrapolate from
     HISTORIES,  # the offset of a table of the offsets of histories
-    N_HISTORIES,
+    N_HISTORIES,  # of what is not read late, which come first
+    N_JUDGED,  # and with them of what is read late, by which steps are chosen too
     PROPOSED,  # how many ticks the next step may be long
     UNDONE,  # how many steps were shortened
     COARSE,  # how many steps were too long, and yet the smallest

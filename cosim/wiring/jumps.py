@@ -95,6 +95,13 @@ def flows(network: Network, component: Component, port: str) -> bool:
     return component.declaration.variables[port].dtype == np.float64 and behind(network, component, port).flows
 
 
+def judged(network: Network) -> list[tuple[Component, str]]:
+    """The inputs that are read late on lines, by whose bends a tolerance chooses steps; none where none is given."""
+    late = [(c, port) for c in network.components.values() for port in c.couplings if c.is_late(port)]
+    tolerance = network.diagram.run.coupling_tolerance
+    return [(c, port) for c, port in late if tolerance is not None and flows(network, c, port)]
+
+
 def are_met(network: Network, component: Component, port: str) -> bool:
     """Whether steps end wherever an input jumps that is read late."""
     coupling = component.couplings[port]

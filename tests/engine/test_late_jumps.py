@@ -322,6 +322,20 @@ blocks:{LOOP.replace("0.1", "0.13")}
     assert error(wired(text, *settings), exact((0.13, 1.0, BEFORE))) < 1e-4
 
 
+@pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "iterated"])
+def test_lines_between_samples_of_what_is_late_keep_the_tolerance(wired, method):
+    """x' = cos 4 (t - 0.25) from 0.25 s on: inputs that are off by the tolerance add up to twice it in 2 s."""
+    text = """
+run: {stop: 2, step: 0.1, integrator: rk4, inner_steps: 10, smallest_step: 1e-5}
+blocks:
+  wave: {block: SecondOrder, parameters: {omega: 4, zeta: 0}, start: {x: 1}, inputs: {u: 0}}
+  x: {block: Integrator, inputs: {u: {from: wave.x, delay: 0.25}}, start: {u: 0}}
+"""
+    for tolerance in (1e-2, 1e-3, 1e-5):
+        times, x = course(wired(text, f"run.method={method}", f"run.coupling_tolerance={tolerance}"), "x.x")
+        assert np.abs(x - np.sin(4.0 * np.maximum(times - 0.25, 0.0)) / 4.0).max() < 2.0 * tolerance
+
+
 @pytest.mark.parametrize("engine", ["native", "python"])
 def test_all_that_is_read_late_is_kept_however_short_steps_become(wired, engine):
     """A delay of ten steps, each of which becomes some fifty; on a line between two samples."""
