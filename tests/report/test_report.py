@@ -68,7 +68,7 @@ def test_a_browser_shows_tables_and_pictures_without_a_network(report, tmp_path)
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND"]
     command = [browser, *options, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", page.as_uri()]
     dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    assert 'data-seen="2 pictures, 5 rows, fits"' in dom
+    assert 'data-seen="4 pictures, 5 rows, fits"' in dom
 
 
 @pytest.mark.parametrize(
