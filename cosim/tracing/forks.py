@@ -27,7 +27,9 @@ class Branch:
 
 @dataclass
 class Fork:
-    """Where two runs part. step: of the first run; time (s); branches: all signals that differ there.
+    """Where two runs part. step: of the first run; time (s), or else that up to which they are the same.
+
+    branches: all signals that differ there.
 
     same: how many signals are compared; alone: of each run, those that the other does not have in that shape. ends: how
     each run ended where it did not come to its end, and nothing differed before.
@@ -77,7 +79,7 @@ def fork(a: Network, b: Network) -> Fork:
                 for s, mask in differ.items()
                 if mask[row].any()
             }
-        before += size
+        before, found.time = before + size, found.time if where else float(rows[0].times[-1])
     return found
 
 

@@ -104,7 +104,8 @@ def test_three_factors_have_something_that_none_explains_alone():
 
 def test_the_same_diagram_has_the_same_bits(folder, capsys):
     code, found = bisect(capsys, "lags.yaml", "--set", "metrics.more={signal: first.x, reduce: max}")
-    assert (code, found["same"]) == (0, True)
+    assert (code, found["same"], found["until"]) == (0, True, 1.0)
+    assert bisect(capsys, "lags.yaml", "--set", "run.stop=0.4")[1]["until"] == 0.4
     assert cli.main(["bisect", "lags.yaml", "lags.yaml"]) == 0
     assert "to the bit" in capsys.readouterr().out
 

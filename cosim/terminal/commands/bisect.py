@@ -59,9 +59,10 @@ def run(options: argparse.Namespace) -> int:
 def _tell_same(found: Fork, in_json: bool) -> None:
     alone = [str(s) for signals in found.alone for s in signals]
     if in_json:
-        print(json.dumps({"same": True, "signals": found.same, "alone": alone}, ensure_ascii=False))
+        content = {"same": True, "until": found.time, "signals": found.same, "alone": alone}
+        print(json.dumps(content, ensure_ascii=False))
         return
-    say(f"the runs are the same in all {found.same} signals that both have, to the bit")
+    say(f"up to t = {found.time:g} s the runs are the same in all {found.same} signals that both have, to the bit")
     if alone:
         say(f"only one has {', '.join(alone)}")
 
