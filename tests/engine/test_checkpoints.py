@@ -381,9 +381,11 @@ TRIPLE = object_code.host()[0]
 )
 def test_other_software_and_other_machines_are_refused(small, tmp_path, monkeypatch, patched, value, words):
     killed(small, tmp_path / "run.nc", 1.0, every="0.4")
+    resumed = Run(small, output=tmp_path / "run.nc", resume=True)
+    assert resumed.simulation  # compiled before, as nothing need be compiled for another processor
     monkeypatch.setattr(patched, value)
     with pytest.raises(CheckpointError, match=words):
-        executed(small, tmp_path / "run.nc", resume=True)
+        resumed.execute()
 
 
 def test_the_other_engine_is_refused(small, tmp_path):
