@@ -38,12 +38,14 @@ MOST_INNER_STEPS = 1_000_000  # between two points at which a run is seen or int
 class Type:
     """What a value may be: how it is read (of what is none, the default or None is left), and in words.
 
-    known: the words of which it is one, also those that are added later.
+    known: the words of which it is one, also those that are added later. form: the same as a JSON Schema says it, as
+    far as one can.
     """
 
     read: Callable[[Reader, Node, str, Any], Any]
     meaning: str = ""
     known: Iterable[str] = ()
+    form: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def words(self) -> str:
@@ -73,6 +75,10 @@ class Key:
 
 # ---- types ----
 
+NUMERIC = {"type": ["number", "string"]}
+"""The form of a number, which may be arithmetic, such as "2*pi"."""
+WHOLE = {"type": ["integer", "string"]}
+
 
 def choice(known: Iterable[str]) -> Type:
     """One of some words; what is added to them later counts."""
@@ -82,10 +88,15 @@ def choice(known: Iterable[str]) -> Type:
 def count(most: int = MOST) -> Type:
     """A whole number from 1."""
     words = "whole number from 1" + (f" to {most}" if most < MOST else "")
-    return Type(lambda reader, node, where, _: reader.count(node, where, most), words)
+    form = {**WHOLE, "minimum": 1, "maximum": most}
+    return Type(lambda reader, node, where, _: reader.count(node, where, most), words, form=form)
 
 
-EXTRAPOLATION = Type(lambda reader, node, where, _: reader.order(node, where, MOST_EXTRAPOLATION), "0 | 1 | 2")
+EXTRAPOLATION = Type(
+    lambda reader, node, where, _: reader.order(node, where, MOST_EXTRAPOLATION),
+    "0 | 1 | 2",
+    form={**WHOLE, "minimum": 0, "maximum": MOST_EXTRAPOLATION},
+)
 
 
 def between(least: float, most: float) -> Type:
@@ -102,19 +113,28 @@ def between(least: float, most: float) -> Type:
         reader.wrong(node, f"`{where}` must be a {words}, not {describe(node)}", "such as 1e-6", WrongValue)
         return None
 
-    return Type(read, words)
+    return Type(read, words, form={**NUMERIC, "minimum": least, "maximum": most})
 
 
-TEXT = Type(lambda reader, node, where, _: reader.text(node, where) or None, "text")
-TRUTH = Type(lambda reader, node, where, _: reader.truth(node, where), "true or false")
-NUMBER = Type(lambda reader, node, where, default: reader.number(node, where, default), "number")
+TEXT = Type(lambda reader, node, where, _: reader.text(node, where) or None, "text", form={"type": "string"})
+TRUTH = Type(lambda reader, node, where, _: reader.truth(node, where), "true or false", form={"type": "boolean"})
+NUMBER = Type(lambda reader, node, where, default: reader.number(node, where, default), "number", form=NUMERIC)
 POSITIVE = Type(
     lambda reader, node, where, default: reader.positive(node, where, math.nan if default is None else default),
     "number above zero",
+    form={**NUMERIC, "exclusiveMinimum": 0},
 )
-NOT_NEGATIVE = Type(lambda reader, node, where, default: reader.not_negative(node, where, default), "number from zero")
+NOT_NEGATIVE = Type(
+    lambda reader, node, where, default: reader.not_negative(node, where, default),
+    "number from zero",
+    form={**NUMERIC, "minimum": 0},
+)
 TOLERANCE = between(1e-13, 0.1)
-SIGNAL = Type(lambda reader, node, where, _: node if reader.endpoint(node, where) else None, "block.port")
+SIGNAL = Type(
+    lambda reader, node, where, _: node if reader.endpoint(node, where) else None,
+    "block.port",
+    form={"type": "string", "pattern": r"\."},
+)
 NAMES = Type(lambda reader, node, where, _: node, "text, or a list of such")
 ANYTHING = Type(lambda reader, node, where, _: node)
 
@@ -194,13 +214,17 @@ def _order(reader: Reader, node: Node, where: str, _: Any) -> tuple[str, ...]:
     return tuple(filter(None, names))
 
 
-SIZE = Type(_size, "whole number from 1")
+SIZE = Type(_size, "whole number from 1", form={**WHOLE, "minimum": 1})
 SOURCES = Type(_sources, "block.port, or a list of such; or a constant")
 LOG = Type(_log, f"{' | '.join(LOGS)}, or a list of its categories")
 VARIABLES = Type(_variables, "variable, or a list of such; x_{1..3} is short for x_1, x_2, x_3")
-ORDER = Type(_order, "list of blocks")
+ORDER = Type(_order, "list of blocks", form={"type": "array", "items": {"type": "string"}})
 DATA = Type(_data, "number, text, or lists of them; or {file: …}")
-FORMULA = Type(lambda reader, node, where, _: reader.text(node, where) or None, "formula, such as always(plant.x < 1)")
+FORMULA = Type(
+    lambda reader, node, where, _: reader.text(node, where) or None,
+    "formula, such as always(plant.x < 1)",
+    form={"type": "string"},
+)
 ARITHMETIC = Type(lambda reader, node, where, _: node, "text, or one for each output")
 NAMED = {ANY: Key("", ANYTHING)}
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import resources
 from pathlib import Path
 from string import Template
 
 from cosim.errors import UsageError
+
+Content = str | Callable[[], str]
+"""The text of a file, or what gives it when those before it are written."""
 
 
 def template(file: str, /, **words: str) -> str:
@@ -17,7 +20,7 @@ def template(file: str, /, **words: str) -> str:
     return Template(text).substitute(words)
 
 
-def write_all(files: Mapping[Path, str]) -> None:
+def write_all(files: Mapping[Path, Content]) -> None:
     """Write text files, with the folders that they are in; what was written is removed again where one fails.
 
     Raises: UsageError where something stands at one of the names, OSError where one cannot be written.
@@ -30,7 +33,8 @@ def write_all(files: Mapping[Path, str]) -> None:
         raise UsageError(f"{names} {verb}: nothing is replaced, and nothing was written", fix="choose another name")
     made: list[Path] = []
     try:
-        for path, text in files.items():
+        for path, content in files.items():
+            text = content if isinstance(content, str) else content()
             _make_folder(path.parent, made)
             with path.open("x", encoding="utf-8", newline="\n") as file:
                 made.append(path)

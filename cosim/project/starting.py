@@ -6,12 +6,14 @@ Or the framework's own diagrams, to be changed.
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 from cosim.language import schema
 from cosim.language.keys import DIAGRAM
-from cosim.project.new_files import template, write_all
+from cosim.project.new_files import Content, template, write_all
 from cosim.study.study_keys import STUDY
+from cosim.wiring.block_schema import block_types
 
 _FILES = {
     "README.md": "readme.txt",
@@ -33,9 +35,9 @@ SCHEMAS = {"diagram": (DIAGRAM, "A diagram of cosim"), "study": (STUDY, "A study
 def begin(folder: Path) -> list[Path]:
     """Write a project into a folder, which may be there; its files. Raises: UsageError, OSError."""
     title = " ".join(folder.resolve().name.split()) or "Project"
-    files = {
+    files: dict[str, Content] = {
         **{name: template(text, title=title) for name, text in _FILES.items()},
-        **{f".vscode/{name}.schema.json": schema_text(name) for name in SCHEMAS},
+        **{f".vscode/{name}.schema.json": partial(schema_text, name, folder) for name in SCHEMAS},
         ".vscode/settings.json": json.dumps(_EDITOR, indent=2) + "\n",
         ".vscode/extensions.json": json.dumps({"recommendations": ["redhat.vscode-yaml"]}, indent=2) + "\n",
         ".gitignore": "results/\n__pycache__/\n",
@@ -54,6 +56,6 @@ def examples(folder: Path) -> list[Path]:
     return [folder / name for name in found]
 
 
-def schema_text(name: str) -> str:
-    """The JSON Schema of a kind of file, of SCHEMAS."""
-    return schema.text(*SCHEMAS[name])
+def schema_text(name: str, folder: Path) -> str:
+    """The JSON Schema of a kind of file, of SCHEMAS, with the blocks of the libraries and of a project's folder."""
+    return schema.text(schema.json_schema(*SCHEMAS[name], block_types(folder)))

@@ -8,12 +8,12 @@ import sys
 from cosim.authoring.author_source import shown
 from cosim.authoring.block import Block
 from cosim.authoring.declaration import Declaration
-from cosim.authoring.variables import Dimension, Parameter, State, Variable, shape_text
+from cosim.authoring.variables import Dimension, Variable, shape_text
 from cosim.errors import Position
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
 from cosim.terminal.screen import TIED, print_rows, print_warnings, print_wrapped, say
-from cosim.wiring import library, limits
+from cosim.wiring import library, variable_words
 from cosim.wiring.network import Network
 from cosim.wiring.overview import ComponentOverview, Overview, Wired, describe
 
@@ -137,32 +137,6 @@ def _block(name: str) -> type[Block]:
 
 
 def _variable_row(declaration: Declaration, variable: Variable) -> list[str]:
-    unit = ", ".join(variable.unit) if isinstance(variable.unit, tuple) else variable.unit or ""
-    notes = [variable.description]
-    if isinstance(variable, Parameter):
-        notes.append("required" if variable.start is None else f"default {variable.start}")
-    notes.append(limits.words(variable))
-    if variable.nominal is not None:
-        notes.append(f"nominal {limits.text(variable.nominal)}")
-    if only := getattr(variable, "only", ""):
-        notes.append(f"takes ports called `{only}`")
-    if variable.causality == "output":
-        notes.append(_feedthrough(declaration, variable))
     kind = "" if variable.dtype == float else variable.dtype.name
-    return [f"{variable.name}{shape_text(variable.shape)}", unit, kind, "; ".join(n for n in notes if n)]
-
-
-def _feedthrough(declaration: Declaration, variable: Variable) -> str:
-    """What an output depends on at the same instant, in words."""
-    if isinstance(variable, State):
-        return "a state"
-    reached: set[str] = set()
-    waiting = [variable.name]
-    while waiting:
-        writer = declaration.writer(waiting.pop())
-        for name in writer.reads if writer else ():
-            if name not in reached:
-                reached.add(name)
-                waiting.append(name)
-    inputs = [n for n in declaration.variables if n in reached and declaration.variables[n].causality == "input"]
-    return f"direct feedthrough from {', '.join(inputs)}" if inputs else "no direct feedthrough"
+    notes = "; ".join(variable_words.notes(declaration, variable))
+    return [f"{variable.name}{shape_text(variable.shape)}", variable_words.unit(variable), kind, notes]

@@ -2,13 +2,16 @@
 
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft7Validator
 
+from cosim.errors import Problems
 from cosim.language import source
 from cosim.terminal import cli
 from tests.conftest import BLOCKS
@@ -108,26 +111,9 @@ def test_the_editor_knows_the_keys(tmp_path, monkeypatch, capsys):
         assert capsys.readouterr().out == Path(f".vscode/{name}.schema.json").read_text()
 
 
-def misfits(schema, value, where=""):
-    """Where a value does not keep a schema, as far as schemas of keys go."""
-    if "anyOf" in schema:
-        ways = [misfits(way, value, where) for way in schema["anyOf"]]
-        return [] if [] in ways else ways[0]
-    if "not" in schema:
-        return [where] if isinstance(value, dict) else []
-    if "enum" in schema:
-        return [] if value in schema["enum"] else [where]
-    kinds = {"object": dict, "null": type(None), "string": str, "number": int | float, "boolean": bool, "array": list}
-    allowed = schema.get("type", list(kinds))
-    if not any(isinstance(value, kinds[kind]) for kind in ([allowed] if isinstance(allowed, str) else allowed)):
-        return [where]
-    wrong = []
-    for key, child in value.items() if isinstance(value, dict) and "properties" in schema else ():
-        below = schema["properties"].get(key, schema["additionalProperties"])
-        if key.endswith("+"):
-            below = {"type": "array"}
-        wrong += [f"{where}.{key}"] if below is False else misfits(below, child, f"{where}.{key}")
-    return wrong
+def misfits(schema, value):
+    """Where a value does not keep a schema."""
+    return sorted({error.json_path.removeprefix("$") for error in Draft7Validator(schema).iter_errors(value)})
 
 
 def schema_of(name, capsys):
@@ -136,12 +122,18 @@ def schema_of(name, capsys):
     return json.loads(capsys.readouterr().out)
 
 
-def test_every_shipped_diagram_and_study_keeps_the_schema(capsys):
-    from cosim.errors import Problems
+FENCE = re.compile(r"^```yaml.*?\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
+
+def test_every_shipped_diagram_and_study_keeps_the_schema(tmp_path, capsys):
+    """And those of the pages."""
     kinds = {kind: schema_of(kind, capsys) for kind in ("diagram", "study")}
     files = [path for path in (ROOT / "diagrams").rglob("*.yaml") if "results" not in path.relative_to(ROOT).parts]
-    assert len(files) > 10
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    for number, text in enumerate(text for page in pages for text in FENCE.findall(page.read_text("utf-8"))):
+        files.append(tmp_path / f"{number}.yaml")
+        files[-1].write_text(text)
+    assert len(files) > 60
     for path in files:
         tree = source.read(path, Problems())
         kind = "study" if "diagram" in tree.value else "diagram"
@@ -152,4 +144,27 @@ def test_the_schema_finds_slips_and_lets_overlays_add_and_take_away(capsys):
     schema = schema_of("diagram", capsys)
     block = {"python": f"{BLOCKS}:Lag", "inputs": {"u": 0}, "parameters": {"T": {"file": "t.csv", "column": "T"}}}
     assert misfits(schema, {"blocks": {"a": block}, "record": {"signals+": ["a.x"]}, "run": {"method": None}}) == []
-    assert misfits(schema, {"blokcs": {}, "run": {"method": "jacoby"}}) == [".blokcs", ".run.method"]
+    assert misfits(schema, {"blokcs": {}}) == [""] and misfits(schema, {"run": {"method": "jacoby"}}) == [".run.method"]
+    for wrong in ({"stop": 0}, {"inner_steps": 0}, {"tolerance": 1}, {"extrapolation": 3}, {"rollback": "no"}):
+        assert misfits(schema, {"run": wrong}) == [f".run.{next(iter(wrong))}"], wrong
+    assert misfits(schema, {"run": {"stop": "2*pi", "inner_steps": 3, "tolerance": 1e-6, "extrapolation": 2}}) == []
+
+
+def test_the_schema_knows_what_each_block_takes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["init", "."]) == 0
+    schema = schema_of("diagram", capsys)
+
+    def wrong(**block):
+        return misfits(schema, {"blocks": {"a": block}})
+
+    assert wrong(block="PID", parameters={"k_p": 1, "k_x": None}, inputs={"r": 1}, start={"i": 0}) == []
+    assert wrong(block="PIDD") == [".blocks.a.block"]
+    assert wrong(block="cosim:PID", parameters={"any": 1}) == []  # which pack that is, the check knows
+    assert wrong(block="PID", parameters={"k_q": 1}) == [".blocks.a.parameters.k_q"]
+    assert wrong(block="PID", inputs={"u": "b.y"}) == [".blocks.a.inputs.u"]
+    own = "../blocks/motor.py:Motor"
+    assert wrong(python=own, inputs={"voltage": "b.y"}) == []
+    assert wrong(python=own, inputs={"uu": "b.y"}) == [".blocks.a.inputs.uu"]
+    names = schema["definitions"]["block_types"]["properties"]["python"]["anyOf"][0]["enum"]
+    assert names == [own, "../blocks/proportional_controller.py:ProportionalController"]

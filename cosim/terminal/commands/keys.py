@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from cosim.errors import UnknownKey, nearest
 from cosim.language.keys import ANY, DIAGRAM, TYPES, Key
@@ -15,7 +16,7 @@ from cosim.terminal.screen import print_rows, say
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("section", nargs="?", default="", help="such as run or blocks; study.random of a study")
-    help_ = "print a JSON Schema instead, by which editors complete and check the YAML"
+    help_ = "print a JSON Schema instead, with the blocks of the libraries and of the Python files here"
     parser.add_argument("--schema", choices=["diagram", "study"], help=help_)
 
 
@@ -24,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
     if options.schema:
         from cosim.project import starting
 
-        print(starting.schema_text(options.schema), end="")
+        print(starting.schema_text(options.schema, Path()), end="")
         return 0
     known = sections()
     if options.section and options.section not in known:
