@@ -48,9 +48,11 @@ class KeyPath(Position):
 class CosimError(Exception):
     """Anything that a user of the framework can put right: what is wrong, where, and the usual fix.
 
-    run: what there is of the run that it ended, where it is raised to a program.
+    others: further places at which the same is wrong, which the message names. run: what there is of the run that it
+    ended, where it is raised to a program.
     """
 
+    others: tuple[Position, ...] = ()
     run: Any = None
 
     def __init__(self, message: str, position: Position | None = None, fix: str = "") -> None:

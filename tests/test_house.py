@@ -33,6 +33,7 @@ FLOORS = (
     "report",
     "project",
     "face",
+    "editor",
     "terminal",
 )
 DOORSTEP = ("cosim", "cosim.__main__")

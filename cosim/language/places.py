@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cosim.errors import Position
+from cosim.language import unsaved
 from cosim.language.source import Node
 
 
@@ -34,6 +35,9 @@ def _below(place: Position, text: str, offset: int, lines: list[str]) -> Positio
 
 def _lines(place: Position) -> list[str]:
     """The lines of the file of a place; none where it cannot be read any more."""
+    text = unsaved.text(place.file)
+    if text is not None:
+        return text.split("\n")
     try:
         return Path(place.file).read_text(encoding="utf-8-sig").split("\n")
     except (OSError, ValueError):

@@ -27,6 +27,7 @@ from cosim.errors import (
     YamlSyntaxError,
     nearest,
 )
+from cosim.language import unsaved
 
 _LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -87,14 +88,9 @@ def read(path: str | Path, problems: Problems, named_at: Position | None = None)
 
     Raises: MissingFile (at `named_at`, where the file is named), YamlSyntaxError, WrongType.
     """
-    data = read_bytes(path, named_at)
-    file = str(path)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = data[: error.start]
-        place = Position(file, before.count(b"\n") + 1, error.start - before.rfind(b"\n"))
-        raise YamlSyntaxError("the file is not UTF-8 text", place, "save it with the encoding UTF-8") from None
+    file, text = str(path), unsaved.text(path)
+    if text is None:
+        text = _decoded(read_bytes(path, named_at), file)
     tree = _Composer(text, file, problems).document()
     if tree is None or tree.value is None:
         raise WrongType("the file is empty", Position(file, 1, 1), "write lines of `key: value`")
@@ -102,6 +98,15 @@ def read(path: str | Path, problems: Problems, named_at: Position | None = None)
         message = f"the file must be a mapping, not {describe(tree)}"
         raise WrongType(message, tree.position, "write lines of `key: value`")
     return tree
+
+
+def _decoded(data: bytes, file: str) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start]
+        place = Position(file, before.count(b"\n") + 1, error.start - before.rfind(b"\n"))
+        raise YamlSyntaxError("the file is not UTF-8 text", place, "save it with the encoding UTF-8") from None
 
 
 def parse_value(text: str, position: Position) -> Node:

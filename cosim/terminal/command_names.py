@@ -10,6 +10,7 @@ COMMANDS = {
     "new": "write a block of your own, with its test",
     "blocks": "list the blocks, look for some, or show one",
     "keys": "list what may be written in a diagram or a study",
+    "lsp": "tell an editor what is wrong, what may be written, and what a word means",
     "export": "write blocks of a diagram as an FMU",
     "fmu": "show what an FMU file is",
     "study": "run many variants, grid points and random draws of a diagram",

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
-from cosim.errors import Problems, UnknownBlock, UnknownFleet, UnknownPort, listed_places, nearest
+from cosim.errors import Position, Problems, UnknownBlock, UnknownFleet, UnknownPort, listed_places, nearest
 from cosim.language.entry import BlockEntry
 from cosim.language.reader import endpoint
 from cosim.language.source import Node
@@ -32,32 +32,39 @@ class Absent:
             if len(entries) > 1:
                 message += f", nor for {', '.join(entry.name for entry in entries[1:])}"
             fix = nearest(fleet, known) or f"write fleets: {{{fleet}: 6}}"
-            problems.add(UnknownFleet(message, entries[0].settings["per"].position, fix))
+            first, *others = (entry.settings["per"].position for entry in entries)
+            error = UnknownFleet(message, first, fix)
+            error.others = tuple(others)
+            problems.add(error)
 
     def report_outputs(self, components: Mapping[str, Component], problems: Problems) -> None:
         """An UnknownPort each."""
         for (name, port), uses in self.outputs.items():
             source = components[name].declaration
             outputs = [v.name for v in source.variables.values() if v.causality == "output"]
-            (node, taker), others = _sorted(uses)
+            (node, taker), others, told = _sorted(uses)
             message = f"block {taker}: {source.name} ({name}) has no output `{port}`"
-            message += f", which others name at {others}" if others else ""
+            message += f", which others name at {told}" if others else ""
             fix = meaning.usual_fix(source, port, outputs) or "it has no outputs"
             if (whole := port.partition("[")[0]) in outputs:
                 fix = f"members are counted from 1, such as {whole}[2] or {whole}[1..3]"
-            problems.add(UnknownPort(message, node.position, fix))
+            error = UnknownPort(message, node.position, fix)
+            error.others = others
+            problems.add(error)
 
     def report_blocks(self, components: Mapping[str, Component], problems: Problems) -> None:
         """An UnknownBlock each, unless there is no block at all."""
         for name, uses in self.blocks.items() if components else ():
-            (node, taker), others = _sorted(uses)
+            (node, taker), others, told = _sorted(uses)
             message = f"`{node.value}` names no block of the diagram"
             message = f"block {taker}: {message}" if taker else message
             if others:
                 message = f"the diagram has no block `{name}`, which {len(uses)} wires and signals name"
-                message += f", the others at {others}"
+                message += f", the others at {told}"
             ports = {port_and_members(endpoint(str(n.value))[1])[0] for n, _ in uses}
-            problems.add(UnknownBlock(message, node.position, _meant(name, ports, components)))
+            error = UnknownBlock(message, node.position, _meant(name, ports, components))
+            error.others = others
+            problems.add(error)
 
 
 def _meant(name: str, ports: set[str], components: Mapping[str, Component]) -> str:
@@ -69,8 +76,8 @@ def _meant(name: str, ports: set[str], components: Mapping[str, Component]) -> s
     return nearest(close[0] if close else name, components)
 
 
-def _sorted(uses: Uses) -> tuple[tuple[Node, str], str]:
-    """The first of the uses of a name, and the places of the others."""
+def _sorted(uses: Uses) -> tuple[tuple[Node, str], tuple[Position, ...], str]:
+    """The first of the uses of a name, and the places of the others, also in words."""
     ordered = sorted(uses, key=lambda use: (use[0].position.file, use[0].position.line, use[0].position.column))
-    first = ordered[0][0].position.file
-    return ordered[0], listed_places([node.position for node, _ in ordered[1:]], first)
+    first, *others = (node.position for node, _ in ordered)
+    return ordered[0], tuple(others), listed_places(others, first.file)

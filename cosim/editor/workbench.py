@@ -1,0 +1,78 @@
+"""The files that an editor has open: their texts, what was last read of each, and answers about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from cosim.editor import cursor, homes, hovering, reading, renaming, suggestions
+from cosim.editor.cursor import Cursor
+from cosim.editor.reading import Reading
+from cosim.editor.renaming import Edit
+from cosim.editor.suggestions import Suggestion
+from cosim.errors import Position
+from cosim.language import unsaved
+
+
+@dataclass
+class Workbench:
+    """Lines and columns count from 0. project: the folder in which Python files of blocks are looked for."""
+
+    project: Path | None = None
+    texts: dict[Path, str] = field(default_factory=dict)
+    _read: dict[Path, tuple[dict[Path, str], Reading]] = field(default_factory=dict)
+
+    def put(self, path: Path, text: str) -> None:
+        """A file's text, as it stands in the editor now."""
+        self.texts[path] = text
+
+    def close(self, path: Path) -> None:
+        """The file's own text counts again."""
+        self.texts.pop(path, None)
+        self._read.pop(path, None)
+
+    def saved(self) -> None:
+        """Files that are not open may have changed: Python files of blocks, for instance."""
+        self._read = {path: ({}, found) for path, (_, found) in self._read.items()}
+
+    def reading(self, path: Path) -> Reading:
+        """What a file says, anew if its text or one below has changed; broken YAML has the blocks it had before."""
+        texts, last = self._read.get(path, ({}, None))
+        if last and all(self.texts.get(file) == texts.get(file) for file in last.files):
+            return last
+        with unsaved.counting(self.texts):
+            found = reading.read(path).after(last)
+        self._read[path] = (dict(self.texts), found)
+        return found
+
+    def suggestions(self, path: Path, line: int, column: int) -> tuple[Cursor, list[Suggestion]]:
+        """What may be written at a place, and the word whose place it takes."""
+        here, found = self._at(path, line, column)
+        before = self.texts[path].split("\n")[line][: here.begin]
+        if before.endswith("["):
+            taken = suggestions.members(before, found)
+            if taken:
+                return here, taken
+        return here, suggestions.suggest(here, found, self.project or path.parent)
+
+    def page(self, path: Path, line: int, column: int) -> tuple[Cursor, str]:
+        """What the word there means."""
+        here, found = self._at(path, line, column)
+        return here, hovering.page(here, found)
+
+    def home(self, path: Path, line: int, column: int) -> Position | None:
+        """Where what the word there stands for is written."""
+        return homes.find(*self._at(path, line, column))
+
+    def renamed_at(self, path: Path, line: int, column: int) -> tuple[Cursor, str]:
+        """The block whose name is there; "" for none."""
+        here, found = self._at(path, line, column)
+        return here, renaming.renamed_at(here, found)
+
+    def renaming(self, old: str, new: str, path: Path) -> list[Edit]:
+        """As of `renaming.edits`, in what the editor shows."""
+        with unsaved.counting(self.texts):
+            return renaming.edits(old, new, path)
+
+    def _at(self, path: Path, line: int, column: int) -> tuple[Cursor, Reading]:
+        return cursor.find(self.texts[path], line, column), self.reading(path)
