@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -61,8 +62,8 @@ class Service:
         self._publish(params.text_document.uri, [])
 
     def _put(self, uri: str) -> None:
-        if _path(uri).suffix in (".yaml", ".yml"):
-            self.bench.put(_path(uri), self.server.workspace.get_text_document(uri).source)
+        if not self.bench.put(_path(uri), self.server.workspace.get_text_document(uri).source):
+            self._publish(uri, [])
 
     async def _check_later(self) -> None:
         await asyncio.sleep(PAUSE)
@@ -82,38 +83,47 @@ class Service:
     def _publish(self, uri: str, found: list[types.Diagnostic]) -> None:
         self.server.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, found))
 
-    # ---- what the editor asks ----
+    # ---- what the editor asks, of a place in a text that is looked at ----
 
-    def completion(self, params: types.CompletionParams) -> types.CompletionList:
+    def about(self, answer: Callable[[Path, int, int, Any], Any]) -> Callable[[Any], Any]:
+        """A question's answer; None of any other file."""
+
+        def answered(params: Any) -> Any:
+            path, line = _path(params.text_document.uri), params.position.line
+            if path not in self.bench.texts:
+                return None
+            rows = self.bench.texts[path].split("\n")
+            row = rows[line] if line < len(rows) else ""
+            return answer(path, line, protocol.column(row, params.position.character), params)
+
+        return answered
+
+    def completion(self, path: Path, line: int, column: int, params: Any) -> types.CompletionList:
         """What may be written there."""
-        path, line, column = self._place(params)
         here, found = self.bench.suggestions(path, line, column)
         text = self.bench.texts[path]
         return types.CompletionList(False, [protocol.item(one, here, text) for one in found])
 
-    def hover(self, params: types.HoverParams) -> types.Hover | None:
+    def hover(self, path: Path, line: int, column: int, params: Any) -> types.Hover | None:
         """What the word there means."""
-        path, line, column = self._place(params)
         here, page = self.bench.page(path, line, column)
         return protocol.hover(page, here, self.bench.texts[path])
 
-    def definition(self, params: types.DefinitionParams) -> types.Location | None:
+    def definition(self, path: Path, line: int, column: int, params: Any) -> types.Location | None:
         """Where what the word there stands for is written."""
-        found = self.bench.home(*self._place(params))
+        found = self.bench.home(path, line, column)
         return protocol.location(found) if found else None
 
-    def prepare_rename(self, params: types.PrepareRenameParams) -> types.PrepareRenamePlaceholder | None:
+    def prepare_rename(self, path: Path, line: int, column: int, params: Any) -> types.PrepareRenamePlaceholder | None:
         """The block's name that is there."""
-        path, line, column = self._place(params)
         here, name = self.bench.renamed_at(path, line, column)
         if not name:
             return None
         where = protocol.span_range(self.bench.texts[path], Span(line, here.begin, here.begin + len(name)))
         return types.PrepareRenamePlaceholder(where, name)
 
-    def rename(self, params: types.RenameParams) -> types.WorkspaceEdit | None:
+    def rename(self, path: Path, line: int, column: int, params: types.RenameParams) -> types.WorkspaceEdit | None:
         """A block gets another name in all files that have it. Raises: JsonRpcInvalidParams for what cannot be."""
-        path, line, column = self._place(params)
         _, name = self.bench.renamed_at(path, line, column)
         if not name:
             return None
@@ -129,12 +139,6 @@ class Service:
             where = protocol.span_range(text, Span(edit.place.line - 1, begin, begin + edit.length))
             changes.setdefault(uri, []).append(types.TextEdit(where, params.new_name))
         return types.WorkspaceEdit(changes)
-
-    def _place(self, params: Any) -> tuple[Path, int, int]:
-        path, line = _path(params.text_document.uri), params.position.line
-        rows = self.bench.texts[path].split("\n")
-        row = rows[line] if line < len(rows) else ""
-        return path, line, protocol.column(row, params.position.character)
 
 
 def _path(uri: str) -> Path:
@@ -152,11 +156,15 @@ def serve(stdin: BinaryIO, stdout: BinaryIO, version: str) -> None:
         (types.TEXT_DOCUMENT_DID_SAVE, service.saved, None),
         (types.TEXT_DOCUMENT_DID_CLOSE, service.closed, None),
         (types.WORKSPACE_DID_CHANGE_WATCHED_FILES, service.watched, None),
-        (types.TEXT_DOCUMENT_COMPLETION, service.completion, types.CompletionOptions([".", " ", "[", "{"])),
-        (types.TEXT_DOCUMENT_HOVER, service.hover, None),
-        (types.TEXT_DOCUMENT_DEFINITION, service.definition, None),
-        (types.TEXT_DOCUMENT_PREPARE_RENAME, service.prepare_rename, None),
-        (types.TEXT_DOCUMENT_RENAME, service.rename, types.RenameOptions(prepare_provider=True)),
+        (
+            types.TEXT_DOCUMENT_COMPLETION,
+            service.about(service.completion),
+            types.CompletionOptions([".", " ", "[", "{"]),
+        ),
+        (types.TEXT_DOCUMENT_HOVER, service.about(service.hover), None),
+        (types.TEXT_DOCUMENT_DEFINITION, service.about(service.definition), None),
+        (types.TEXT_DOCUMENT_PREPARE_RENAME, service.about(service.prepare_rename), None),
+        (types.TEXT_DOCUMENT_RENAME, service.about(service.rename), types.RenameOptions(prepare_provider=True)),
     ):
         server.feature(name, options)(partial(answer))  # it is marked, which a method cannot be
     server.start_io(stdin, stdout)

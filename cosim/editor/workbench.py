@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +14,9 @@ from cosim.editor.suggestions import Suggestion
 from cosim.errors import Position
 from cosim.language import unsaved
 
+_OURS = re.compile(r"^['\"]?(blocks|extends|diagram|run)['\"]?\s*:", re.MULTILINE)
+_ANY_KEY = re.compile(r"^['\"]?[^\W\d][^:#\n]*:(\s|$)", re.MULTILINE)
+
 
 @dataclass
 class Workbench:
@@ -22,9 +26,13 @@ class Workbench:
     texts: dict[Path, str] = field(default_factory=dict)
     _read: dict[Path, tuple[dict[Path, str], Reading]] = field(default_factory=dict)
 
-    def put(self, path: Path, text: str) -> None:
-        """A file's text, as it stands in the editor now."""
+    def put(self, path: Path, text: str) -> bool:
+        """A file's text, as it stands in the editor; whether it is looked at: there is YAML of many kinds."""
+        if path.suffix not in (".yaml", ".yml") or (_ANY_KEY.search(text) and not _OURS.search(text)):
+            self.close(path)
+            return False
         self.texts[path] = text
+        return True
 
     def close(self, path: Path) -> None:
         """The file's own text counts again."""

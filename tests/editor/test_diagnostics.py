@@ -85,20 +85,23 @@ def test_thirty_mistakes_of_one_file_are_underlined_where_the_check_prints_them(
     assert "fix: did you mean `title`?" in misspelt.message and misspelt.code == "UnknownKey"
 
 
-def test_warnings_are_underlined_too_and_a_good_text_is_quiet(tmp_path):
+def test_warnings_are_underlined_too_and_a_good_text_or_yaml_of_another_kind_is_quiet(tmp_path):
     text = "run: {stop: 1, step: 0.1}\nblocks:\n  a: {block: Sine}\n  b: {block: Gain, inputs: {u: a.y}}\n"
     text += "  c: {block: Integrator, inputs: {u: b.y}}\n"
     jumping = text.replace("{block: Gain,", '{expression: "if(u > 0.5, 1, 0)",')
 
     async def session(editor):
-        return await editor.open("d.yaml", text), await editor.change("d.yaml", jumping)
+        foreign = await editor.open("compose.yaml", "services:\n  web: {image: nginx}\n")
+        asked = await editor.hover("compose.yaml", 2, 4)
+        return foreign, asked, await editor.open("d.yaml", text), await editor.change("d.yaml", jumping)
 
-    good, warned = using(tmp_path, session)
-    assert good == []
+    foreign, asked, good, warned = using(tmp_path, session)
+    assert foreign == good == [] and asked == ""
     assert [(d.severity.name, d.range.start.line) for d in warned] == [("Warning", 3)]
 
 
 def test_what_a_diagram_extends_counts_as_it_stands_in_the_editor(tmp_path):
+    """A study is checked by its own keys."""
     base = "run: {stop: 1, step: 0.1}\nblocks:\n  a: {block: Sine}\n"
     over = "extends: base.yaml\nblocks:\n  b: {block: Gain, inputs: {u: a.y}}\n"
     (tmp_path / "base.yaml").write_text(base)
@@ -109,14 +112,17 @@ def test_what_a_diagram_extends_counts_as_it_stands_in_the_editor(tmp_path):
         await editor.change("base.yaml", base.replace("a:", "c:"))
         renamed = editor.told[editor.uri("over.yaml")]
         await editor.change("base.yaml", base.replace("Sine", "Sinus"))
-        return good, renamed, editor.told[editor.uri("over.yaml")]
+        inherited = editor.told[editor.uri("over.yaml")]
+        study = "diagram: base.yaml\nvariants: {x: {swop: {a: Cosine}}}\nrandom: {count: 3}\n"
+        return good, renamed, inherited, await editor.open("s.yaml", study)
 
-    good, renamed, inherited = using(tmp_path, session)
+    good, renamed, inherited, study = using(tmp_path, session)
     assert good == []
     assert places(renamed) == {(3, 32)} and "a.y" in renamed[0].message
     assert places(inherited) == {(1, 10)}  # at the name of the file in which it is
     assert "base.yaml:3:14" in inherited[0].message
     assert inherited[0].related_information[0].location.range.start.line == 2
+    assert places(study) == {(2, 16), (3, 1)}
 
 
 OWN = """\
@@ -151,13 +157,3 @@ def test_a_file_of_blocks_is_read_anew_when_it_is_saved(tmp_path):
     assert [d.code for d in before] == ["UnknownParameter"] and after == []
     assert [d.code for d in broken] == ["BlockImportError"]
     assert places(broken) == {(3, 15)} and "own.py:10:15" in broken[0].message
-
-
-def test_a_study_is_checked_by_its_own_keys(tmp_path):
-    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks:\n  a: {block: Sine}\n")
-    text = "diagram: d.yaml\nvariants: {x: {swop: {a: Cosine}}}\nrandom: {count: 3}\n"
-
-    async def session(editor):
-        return await editor.open("s.yaml", text)
-
-    assert places(using(tmp_path, session)) == {(2, 16), (3, 1)}
