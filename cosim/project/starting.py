@@ -24,10 +24,13 @@ _FILES = {
     "tests/test_motor.py": "motor_test.txt",
 }
 _EDITOR = {
+    "glspc.server.command": "cosim",
+    "glspc.server.commandArguments": ["lsp"],
+    "glspc.server.languageId": ["yaml"],
     "yaml.schemas": {
         ".vscode/diagram.schema.json": ["diagrams/*.yaml"],
         ".vscode/study.schema.json": ["studies/*.yaml"],
-    }
+    },
 }
 SCHEMAS = {"diagram": (DIAGRAM, "A diagram of cosim"), "study": (STUDY, "A study of cosim")}
 
@@ -39,7 +42,7 @@ def begin(folder: Path) -> list[Path]:
         **{name: template(text, title=title) for name, text in _FILES.items()},
         **{f".vscode/{name}.schema.json": partial(schema_text, name, folder) for name in SCHEMAS},
         ".vscode/settings.json": json.dumps(_EDITOR, indent=2) + "\n",
-        ".vscode/extensions.json": json.dumps({"recommendations": ["redhat.vscode-yaml"]}, indent=2) + "\n",
+        ".vscode/extensions.json": json.dumps({"recommendations": ["zsol.vscode-glspc"]}, indent=2) + "\n",
         ".gitignore": "results/\n__pycache__/\n",
     }
     write_all({folder / name: text for name, text in files.items()})

@@ -1,9 +1,11 @@
 """What may be written, what a word means and where it is from, asked as an editor asks."""
 
+import sys
 from pathlib import Path
 
 import pytest
 
+from cosim.terminal import cli
 from tests.editor.client import using
 
 ROOT = Path(__file__).parents[2]
@@ -200,3 +202,10 @@ def test_columns_count_in_utf_16_and_the_server_says_what_it_can(folder):
     able = about.capabilities
     assert about.server_info.name == "cosim" and "." in able.completion_provider.trigger_characters
     assert able.hover_provider and able.definition_provider and able.rename_provider
+
+
+def test_a_server_without_its_package_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pygls", None)
+    monkeypatch.delitem(sys.modules, "cosim.editor.server", raising=False)
+    assert cli.main(["lsp"]) == 2
+    assert "pip install 'cosim[editor]'" in capsys.readouterr().err

@@ -14,6 +14,7 @@ from jsonschema import Draft7Validator
 from cosim.errors import Problems
 from cosim.language import source
 from cosim.terminal import cli
+from cosim.terminal.command_names import COMMANDS
 from tests.conftest import BLOCKS
 
 ROOT = Path(__file__).parents[2]
@@ -103,8 +104,10 @@ def test_a_file_for_which_there_is_no_space_is_named(tmp_path, monkeypatch, caps
 def test_the_editor_knows_the_keys(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["init", "."]) == 0
-    settings = json.loads(Path(".vscode/settings.json").read_text())["yaml.schemas"]
-    assert all(Path(schema).exists() for schema in settings)
+    settings = json.loads(Path(".vscode/settings.json").read_text())
+    assert all(Path(schema).exists() for schema in settings["yaml.schemas"])
+    server = [settings["glspc.server.command"], *settings["glspc.server.commandArguments"]]
+    assert server[0] == "cosim" and server[1] in COMMANDS
     capsys.readouterr()
     for name in ("diagram", "study"):
         assert cli.main(["keys", "--schema", name]) == 0
