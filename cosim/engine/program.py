@@ -84,7 +84,8 @@ class Watched:
 class Program:
     """What the loop needs of a diagram, position-independent; see `cosim.master.loop` for the columns.
 
-    phases: the rows of each, by name. started: the row after which a state is set that a start function computes.
+    phases: the rows of each, by name. slopes: the rows of the derivatives of all states at what is published.
+    started: the row after which a state is set that a start function computes.
     loops: algebraic loops, by the row that solves them. clocks: the offset of those of blocks.
     layout: where everything lies in the arena.
     """
@@ -96,6 +97,7 @@ class Program:
     banks: np.ndarray
     calls: list[Call]
     phases: dict[str, tuple[int, int]]
+    slopes: list[tuple[int, int]]
     started: list[tuple[int, Signal]]
     loops: dict[int, Loop]
     clocks: int
@@ -221,6 +223,7 @@ def build(network: Network, method: str) -> Program:
         banks=np.array(writer.banks, np.int64).reshape(-1, tables.BANK_WORDS),
         calls=writer.calls,
         phases=writer.phases,
+        slopes=writer.slope_rows,
         started=writer.started,
         loops=writer.loops,
         clocks=clocks,

@@ -122,7 +122,7 @@ class Model:
 def describe(sub: SubNetwork, identifier: str) -> Model:
     """All variables of a sub-network, and the program that computes them. Raises: DiagramErrors."""
     components, diagram = list(sub.network.components.values()), sub.network.diagram
-    built = program.build(sub.network, "jacobi")
+    built = program.build(sub.network, diagram.run.method if len(components) > 1 else "jacobi")
     name = components[0].declaration.name if len(components) == 1 else diagram.title or diagram.path.stem
     doc = components[0].declaration.doc if len(components) == 1 else ", ".join(s.name for s in components)
     model = Model(name, identifier, doc.split("\n\n")[0].replace("\n", " "), built, sub.started)

@@ -32,8 +32,7 @@ def rows(program: Program) -> Rows:
     found, loops = program.rows.tolist(), dict(program.loops)
     phases = [program.phases[name] for name in tables.PHASES]
     held, held_loops = _held(program)
-    first = [slice(int(bank[tables.FIRST_BEGIN]), int(bank[tables.FIRST_END])) for bank in program.banks]
-    derivatives = [row for part in first for row in found[part]]
+    derivatives = [row for part in program.slopes for row in found[slice(*part)]]
     loops |= {len(found) + at: loop for at, loop in held_loops.items()}
     for added in (held, derivatives):
         phases.append((len(found), len(found) + len(added)))
