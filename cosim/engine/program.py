@@ -85,9 +85,8 @@ class Program:
     """What the loop needs of a diagram, position-independent; see `cosim.master.loop` for the columns.
 
     phases: the rows of each, by name. slopes: the rows of the derivatives of all states at what is published.
-    started: the row after which a state is set that a start function computes.
-    loops: algebraic loops, by the row that solves them. clocks: the offset of those of blocks.
-    layout: where everything lies in the arena.
+    started: the row after which a state is set that a start function computes. loops: algebraic loops, by the row that
+    solves them. clocks: the offset of those of blocks. layout: where everything lies in the arena.
     """
 
     network: Network
@@ -206,15 +205,13 @@ class Program:
 
 def build(network: Network, method: str) -> Program:
     """The program of a network for one of METHODS. Raises: DiagramErrors, FmuError."""
-    layout = Layout(network)
-    writer = Writer(layout)
+    writer = Writer(layout := Layout(network))
     clocks = layout.constant(_clock_words(network.schedule, len(writer.watching)))
     _write_start(writer, network.initial)
     _write_point(writer, network.evaluation)
     _write_updates(writer)
     METHODS[method](writer, network.evaluation)
-    attempts = _write_attempts(writer)
-    watched = _write_events(writer)
+    attempts, watched = _write_attempts(writer), _write_events(writer)
     return Program(
         network=network,
         layout=layout,
@@ -223,7 +220,7 @@ def build(network: Network, method: str) -> Program:
         banks=np.array(writer.banks, np.int64).reshape(-1, tables.BANK_WORDS),
         calls=writer.calls,
         phases=writer.phases,
-        slopes=writer.slope_rows,
+        slopes=writer.slopes,
         started=writer.started,
         loops=writer.loops,
         clocks=clocks,

@@ -34,10 +34,9 @@ class Writer:
     """Appends rows, and remembers which belong to which phase.
 
     started: the row after which a state is set that a start function computes. loops: those that are solved, by row.
-    slope_rows: those of the derivatives of all states at what is published.
-    clocks: their numbers, from 1. watching: those of events, of components with indicators, which are due at
-    communication points too. at_end: whether a row is done at the end of a step; clock: by which it is; 0: at every
-    communication point.
+    slopes: those of the derivatives of all states at what is published. clocks: their numbers, from 1. watching: those
+    of events, of components with indicators, which are due at communication points too. at_end: whether a row is done
+    at the end of a step; clock: by which it is; 0: at every communication point.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -47,7 +46,7 @@ class Writer:
         self.banks: list[list[int]] = []
         self.calls: list[Call] = []
         self.phases: dict[str, Range] = {}
-        self.slope_rows: list[Range] = []
+        self.slopes: list[Range] = []
         self.started: list[tuple[int, Signal]] = []
         self.loops: dict[int, Loop] = {}
         self.tableaus: dict[str, int] = {}
@@ -223,11 +222,6 @@ class Writer:
                 for function in component.declaration.kind("derivatives"):
                     self.call(component, function)
         return self.end(begin)
-
-    def slopes(self, components: Iterable[Component]) -> Range:
-        """`derivatives`, noted as those at what is published: a program has them once for each state."""
-        self.slope_rows.append(found := self.derivatives(components))
-        return found
 
     def stage(self, component: Component, hidden: bool) -> Range:
         """A component's derivatives at a stage; hidden: its states are not where the published ones are."""

@@ -45,7 +45,8 @@ def _is_in_place(component: Component) -> bool:
 def _bank(writer: Writer, component: Component) -> int:
     """What comes in has changed since outputs were published, so the first stage evaluates them as all others do."""
     in_place = _is_in_place(component)
-    first = writer.slopes([component])
+    first = writer.derivatives([component])
+    writer.slopes.append(first)
     inner = writer.stage(component, hidden=not in_place)
     return new_bank(writer, [component], in_place, component.integration, first if in_place else inner, inner)
 

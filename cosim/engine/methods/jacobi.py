@@ -37,12 +37,14 @@ def advance(writer: Writer, _tasks: Sequence[Task | Loop]) -> None:
 
 def _at_once(writer: Writer, components: Sequence[Component]) -> list[int]:
     """One bank of all states, each block's derivatives at what is published."""
-    first = writer.slopes(components)
+    first = writer.derivatives(components)
+    writer.slopes.append(first)
     none = (first[1], first[1])
     return [new_bank(writer, components, True, Integration(), first, none)] if components else []
 
 
 def _bank(writer: Writer, component: Component) -> int:
-    first = writer.slopes([component])
+    first = writer.derivatives([component])
+    writer.slopes.append(first)
     inner = writer.stage(component, hidden=True)
     return new_bank(writer, [component], False, component.integration, first, inner)

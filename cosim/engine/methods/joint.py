@@ -20,7 +20,8 @@ def advance(writer: Writer, tasks: Sequence[Task | Loop]) -> None:
     """Write ADVANCE. tasks: all outputs and joins, in the order of their evaluation. Raises: FmuError."""
     components = list(writer.network.components.values())
     _refuse_steps(components)
-    first = writer.slopes(components)
+    first = writer.derivatives(components)
+    writer.slopes.append(first)
     inner = writer.begin()
     writer.tasks(order.continuous(writer.network, tasks))
     writer.derivatives(components)
