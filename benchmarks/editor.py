@@ -1,6 +1,6 @@
 """How long an editor waits: `cosim lsp` driven by a real client, which types into the formation's diagram key by key.
 
-    python benchmarks/editor.py [--diagram diagrams/formation.yaml]
+    python benchmarks/editor.py
 
 At each key the text is sent, and completion asked for, as editors do; times are from the key to the answer, with all
 that the protocol takes. Mistakes are told once nothing is typed for a moment, which is part of their time.
@@ -8,7 +8,6 @@ that the protocol takes. Mistakes are told once nothing is typed for a moment, w
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import statistics
 import sys
@@ -94,9 +93,7 @@ async def session(path: Path, text: str) -> None:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--diagram", type=Path, default=ROOT / "diagrams" / "formation.yaml")
-    path = parser.parse_args().diagram.resolve()
+    path = ROOT / "diagrams" / "formation.yaml"
     asyncio.run(session(path, path.read_text(encoding="utf-8")))
 
 

@@ -16,7 +16,8 @@ class Cursor:
     """A word of a text, or the place of one that is to come. Lines and columns count from 0, as editors do.
 
     path: the keys that it stands below; those of a value with its own. is_key: whether it is, or begins, an entry of a
-    mapping; colon: whether it is followed by one. begin, end: its columns; typed: what is there up to the cursor.
+    mapping; colon: whether it is followed by one. begin, end: its columns; typed: what is there up to the cursor. In a
+    comment there is no word, and no key.
     """
 
     path: tuple[str, ...]
@@ -37,12 +38,27 @@ def find(text: str, line: int, column: int) -> Cursor:
     begin, end = next(
         ((m.start(), m.end()) for m in _WORD.finditer(row) if m.start() <= column <= m.end()), [column] * 2
     )
+    if _ends_in_comment(row[:begin]):
+        return Cursor(("#",), False, False, line, begin, end, "", "")
     outline = _Outline()
     for before in lines[:line]:
         outline.pass_line(before.rstrip("\r"))
     first = outline.enter(row[:begin])
     colon = bool(re.match(r"['\"]?\s*:(\s|$)", row[end:]))
     return Cursor(outline.path, first or colon, colon, line, begin, end, row[begin:end], row[begin:column])
+
+
+def _ends_in_comment(part: str) -> bool:
+    quote, before = "", " "
+    for sign in part:
+        if quote:
+            quote = "" if sign == quote else quote
+        elif before in " [{,:" and sign in "\"'":
+            quote = sign
+        elif before == " " and sign == "#":
+            return True
+        before = sign
+    return False
 
 
 @dataclass

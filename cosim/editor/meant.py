@@ -44,7 +44,9 @@ def _of_key(cursor: Cursor, path: tuple[str, ...], reading: Reading) -> Meant:
 
 
 def _of_value(cursor: Cursor, path: tuple[str, ...], reading: Reading) -> Meant:
-    last = path[-1] if path else ""
+    if not path:
+        return Meant()
+    last = path[-1]
     if last == "extends" or (last in _FILES and (len(path) == 3 or reading.is_study)):
         return Meant(file=cursor.word)
     if len(path) == 3 and path[0] == "blocks" and last in TYPES:

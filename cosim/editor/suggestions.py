@@ -75,10 +75,11 @@ def _declared(block: str, section: str, reading: Reading, ending: str) -> Iterat
     if block in reading.inner and section == "inputs":
         yield from (Suggestion(name, "signal", "input", ending=ending) for name in reading.inner[block].inputs)
     declaration = reading.declarations.get(block)
-    if declaration is None:
+    known = settable.sections(declaration).get(section) if declaration else None
+    if declaration is None or known is None:
         return
     given = _given(block, section, reading)
-    for name, variable in settable.sections(declaration).get(section, {}).items():
+    for name, variable in known.items():
         if variable:
             yield Suggestion(name, "signal", _line(declaration, variable), "", ending, name not in given)
         else:

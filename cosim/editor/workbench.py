@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+import time as clock
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cosim.editor import cursor, homes, hovering, reading, renaming, suggestions
@@ -18,18 +19,32 @@ _OURS = re.compile(r"^['\"]?(blocks|extends|diagram|run)['\"]?\s*:", re.MULTILIN
 _ANY_KEY = re.compile(r"^['\"]?[^\W\d][^:#\n]*:(\s|$)", re.MULTILINE)
 
 
+SLOW = 0.05
+"""A text that takes longer (s) to read is not read anew at each key: answers are of what the last check found."""
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What a file said, when these texts were open; seconds: how long reading took."""
+
+    found: Reading
+    texts: dict[Path, str]
+    seconds: float
+
+
 @dataclass
 class Workbench:
     """Lines and columns count from 0. project: the folder in which Python files of blocks are looked for."""
 
     project: Path | None = None
     texts: dict[Path, str] = field(default_factory=dict)
-    _read: dict[Path, tuple[dict[Path, str], Reading]] = field(default_factory=dict)
+    _read: dict[Path, _Read] = field(default_factory=dict)
 
     def put(self, path: Path, text: str) -> bool:
         """A file's text, as it stands in the editor; whether it is looked at: there is YAML of many kinds."""
-        if path.suffix not in (".yaml", ".yml") or (_ANY_KEY.search(text) and not _OURS.search(text)):
-            self.close(path)
+        is_new = path not in self._read  # else it was one of ours, and what it says now may be half of it
+        if path.suffix not in (".yaml", ".yml") or (is_new and _ANY_KEY.search(text) and not _OURS.search(text)):
+            self.texts.pop(path, None)
             return False
         self.texts[path] = text
         return True
@@ -41,16 +56,17 @@ class Workbench:
 
     def saved(self) -> None:
         """Files that are not open may have changed: Python files of blocks, for instance."""
-        self._read = {path: ({}, found) for path, (_, found) in self._read.items()}
+        self._read = {path: replace(last, texts={}) for path, last in self._read.items()}
 
     def reading(self, path: Path) -> Reading:
         """What a file says, anew if its text or one below has changed; broken YAML has the blocks it had before."""
-        texts, last = self._read.get(path, ({}, None))
-        if last and all(self.texts.get(file) == texts.get(file) for file in last.files):
-            return last
+        last = self._read.get(path)
+        if last and all(self.texts.get(file) == last.texts.get(file) for file in last.found.files):
+            return last.found
+        began = clock.perf_counter()
         with unsaved.counting(self.texts):
-            found = reading.read(path).after(last)
-        self._read[path] = (dict(self.texts), found)
+            found = reading.read(path).after(last.found if last else None)
+        self._read[path] = _Read(found, dict(self.texts), clock.perf_counter() - began)
         return found
 
     def suggestions(self, path: Path, line: int, column: int) -> tuple[Cursor, list[Suggestion]]:
@@ -83,4 +99,6 @@ class Workbench:
             return renaming.edits(old, new, path)
 
     def _at(self, path: Path, line: int, column: int) -> tuple[Cursor, Reading]:
-        return cursor.find(self.texts[path], line, column), self.reading(path)
+        last = self._read.get(path)
+        found = last.found if last and last.seconds > SLOW else self.reading(path)
+        return cursor.find(self.texts[path], line, column), found
