@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-_KEY = re.compile(r"""(?:"([^"]*)"|'([^']*)'|([^\s,\[\]{}#&*!|>'"%@`-][^:#{}\[\],]*?))\s*:(?=\s|$)""")
+_QUOTED = r"""(?:"([^"]*)"|'([^']*)'|"""
+_KEY = re.compile(_QUOTED + r"""([^\s,\[\]{}#&*!|>'"%@`-][^#]*?))\s*:(?=\s|$)""")
+_KEY_IN_BRACES = re.compile(_QUOTED + r"""([^\s,\[\]{}#&*!|>'"%@`-][^:#{}\[\],]*?))\s*:(?=\s|$)""")
 _BEFORE_VALUE = re.compile(r"\s*(?:[&!]\S*\s+)*")
 _WORD = re.compile(r"(?:[\w./@~+-]|:(?=\S))+")
 _FLOW = "[{"
@@ -139,7 +141,7 @@ class _Outline:
                 self.quote = "" if sign == self.quote else self.quote
             elif sign == "#" and line[at - 1 : at] in ("", " "):
                 return
-            elif self._at_entry() and (key := _KEY.match(line, at)):
+            elif self._at_entry() and (key := _KEY_IN_BRACES.match(line, at)):
                 self.flow[-1] = ("{", _name(key))
                 at = key.end()
                 continue

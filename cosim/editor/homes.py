@@ -20,6 +20,8 @@ def find(cursor: Cursor, reading: Reading) -> Position | None:
     if target.file:
         path = Path(os.path.normpath(reading.path.parent / target.file))
         return Position(str(path), 1, 1) if path.is_file() else None
+    if target.block in reading.inner:
+        return Position(str(reading.inner[target.block].path), 1, 1)
     if target.block and not cursor.is_key and "." in cursor.word and cursor.path[-1] not in ("block", "python"):
         return _block(target.block, reading)
     if target.declaration:
@@ -29,8 +31,6 @@ def find(cursor: Cursor, reading: Reading) -> Position | None:
 
 def _block(name: str, reading: Reading) -> Position | None:
     """Where a block's name stands in the file that begins it."""
-    if name in reading.inner:
-        return Position(str(reading.inner[name].path), 1, 1)
     entry = reading.diagram.blocks.get(name) if reading.diagram else None
     return entry.position if entry and entry.position.line else None
 

@@ -16,6 +16,8 @@ def page(cursor: Cursor, reading: Reading) -> str:
         return meanings.of_variable(target.declaration, target.variable, target.block, reading)
     if target.declaration:
         return meanings.of_block(target.block, target.declaration, reading)
+    if target.block in reading.inner:
+        return meanings.of_diagram(target.block, reading.inner[target.block])
     if target.key:
         return meanings.of_key(cursor.word if cursor.is_key else cursor.path[-1], target.key)
     return ""

@@ -8,6 +8,7 @@ import math
 from cosim.authoring.declaration import Declaration
 from cosim.authoring.variables import Variable, shape_text
 from cosim.editor.reading import Reading
+from cosim.language.diagram import Diagram
 from cosim.language.keys import TYPES, Key
 from cosim.wiring import variable_words
 from cosim.wiring.network import Axis, Component
@@ -35,6 +36,14 @@ def of_block(name: str, declaration: Declaration, reading: Reading) -> str:
     component = _component(name, reading)
     many = f", {component.count} × {component.fleet}" if component and component.fleet else ""
     return f"block `{name}`{many}\n\n{of_type(declaration)}"
+
+
+def of_diagram(name: str, diagram: Diagram) -> str:
+    """A block that is a diagram: its title and ports."""
+    ports = [
+        f"{word}: {', '.join(names)}" for word, names in (("in", diagram.inputs), ("out", diagram.outputs)) if names
+    ]
+    return "\n\n".join((f"block `{name}`, the diagram **{diagram.title}**", *ports))
 
 
 def of_variable(declaration: Declaration, variable: Variable, name: str, reading: Reading) -> str:

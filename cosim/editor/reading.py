@@ -45,15 +45,30 @@ class Reading:
 
     def after(self, last: Reading | None) -> Reading:
         """The same, with what only the last one knew of that file."""
-        if last and self.diagram is None:
+        if last is None:
+            return self
+        if self.diagram is None:
             self.diagram, self.declarations, self.inner = last.diagram, last.declarations, last.inner
             self.is_study = last.is_study
-        self.network = self.network or (last.network if last else None)
+        elif self.network is None:  # a type that is half written, or whose file is
+            named = {name: known for name, known in last.declarations.items() if name in self.diagram.blocks}
+            self.declarations = {**named, **self.declarations}
+        self.network = self.network or last.network
         return self
 
 
 def read(path: Path) -> Reading:
     """Read, wire and judge what stands in a file, or in `unsaved` texts. Nothing is compiled, nothing is run."""
+    try:
+        return _read(path)
+    except SystemExit as leaving:  # of a rule's function, which would end the server
+        message = f"a block's code asks the whole program to end: SystemExit({leaving.code!r})"
+        return Reading(
+            path, [CosimError(message, fix='a rule returns whether it holds; elsewhere raise ValueError("…")')]
+        )
+
+
+def _read(path: Path) -> Reading:
     problems, found = Problems(), Reading(path)
     try:
         tree, files = diagrams.read(path, (), (), problems)
