@@ -48,7 +48,8 @@ def _of_value(cursor: Cursor, path: tuple[str, ...], reading: Reading) -> Meant:
         return Meant()
     last = path[-1]
     if last == "extends" or (last in _FILES and (len(path) == 3 or reading.is_study)):
-        return Meant(file=cursor.word)
+        block = path[1] if len(path) == 3 else ""
+        return Meant(block=block, declaration=reading.declarations.get(block), file=cursor.word)
     if len(path) == 3 and path[0] == "blocks" and last in TYPES:
         return Meant(block=path[1], declaration=reading.declarations.get(path[1]))
     block, port = endpoint(cursor.word)

@@ -72,7 +72,7 @@ class Service:
     def check(self) -> None:
         """Tell what is wrong with every text that is open: one may extend another."""
         root = self.server.workspace.root_path
-        self.bench.project = Path(root) if root else None
+        self.bench.project = Path(root) if root else self.bench.project
         for path, text in self.bench.texts.items():
             found = self.bench.reading(path)
             with unsaved.counting(self.bench.texts):

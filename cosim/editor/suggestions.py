@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from cosim.authoring.declaration import Declaration
 from cosim.authoring.variables import Variable, shape_text
@@ -16,6 +15,7 @@ from cosim.editor.reading import Reading
 from cosim.language.formula import WORDS
 from cosim.language.keys import ANY, FORMULA, TRUTH, TYPES
 from cosim.wiring import catalogue, settable, variable_words
+from cosim.wiring.catalogue import Group
 
 MOST_MEMBERS = 20
 _TAKEN = re.compile(r"([\w/-]+)\.([\w.]+)\[$")
@@ -39,12 +39,12 @@ class Suggestion:
 KINDS = ("key", "type", "block", "signal", "word", "function")
 
 
-def suggest(cursor: Cursor, reading: Reading, project: Path) -> list[Suggestion]:
+def suggest(cursor: Cursor, reading: Reading, own: Callable[[], list[Group]]) -> list[Suggestion]:
     """All that may stand there, whatever is typed of it: an editor looks for what fits that.
 
-    project: the folder whose Python files are looked through for blocks.
+    own: gives the blocks of a project's Python files.
     """
-    found = list(_keys(cursor, reading) if cursor.is_key else _values(cursor, reading, project))
+    found = list(_keys(cursor, reading) if cursor.is_key else _values(cursor, reading, own))
     return list({suggestion.label: suggestion for suggestion in found}.values())
 
 
@@ -102,14 +102,14 @@ def _line(declaration: Declaration, variable: Variable) -> str:
     return "; ".join(part for part in (head.strip(), *variable_words.notes(declaration, variable)) if part)
 
 
-def _values(cursor: Cursor, reading: Reading, project: Path) -> Iterator[Suggestion]:
+def _values(cursor: Cursor, reading: Reading, own: Callable[[], list[Group]]) -> Iterator[Suggestion]:
     path = grammar_paths.in_diagram(cursor.path, reading.is_study)
     key = grammar_paths.declared(cursor.path, reading.is_study)
     if key and key.type:
         yield from (Suggestion(word, "word", key.help) for word in key.type.known)
         yield from (Suggestion(word, "word", key.help) for word in (("true", "false") if key.type is TRUTH else ()))
     if path[:1] == ("blocks",) and len(path) == 3:
-        yield from _of_block(path[2], reading, project)
+        yield from _of_block(path[2], reading, own)
     if path == ("run", "order"):
         yield from (Suggestion(name, "block", d.name) for name, d in reading.declarations.items())
     if grammar_paths.names_signals(cursor.path, reading.is_study):
@@ -119,9 +119,9 @@ def _values(cursor: Cursor, reading: Reading, project: Path) -> Iterator[Suggest
             yield from (Suggestion(word, "function") for word in WORDS)
 
 
-def _of_block(key: str, reading: Reading, project: Path) -> Iterator[Suggestion]:
+def _of_block(key: str, reading: Reading, own: Callable[[], list[Group]]) -> Iterator[Suggestion]:
     """Block types, and the fleets that a block may be of."""
-    groups = catalogue.installed() if key == "block" else catalogue.own(project) if key == "python" else ()
+    groups = catalogue.installed() if key == "block" else own() if key == "python" else ()
     for block in (block for group in groups for block in group.blocks):
         name = block.written if key == "block" else os.path.relpath(block.written, reading.path.parent)
         yield Suggestion(name, "type", block.summary)

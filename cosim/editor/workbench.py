@@ -14,6 +14,8 @@ from cosim.editor.renaming import Edit
 from cosim.editor.suggestions import Suggestion
 from cosim.errors import Position
 from cosim.language import unsaved
+from cosim.wiring import catalogue
+from cosim.wiring.catalogue import Group
 
 _OURS = re.compile(r"^['\"]?(blocks|extends|diagram|run)['\"]?\s*:", re.MULTILINE)
 _ANY_KEY = re.compile(r"^['\"]?[^\W\d][^:#\n]*:(\s|$)", re.MULTILINE)
@@ -39,6 +41,7 @@ class Workbench:
     project: Path | None = None
     texts: dict[Path, str] = field(default_factory=dict)
     _read: dict[Path, _Read] = field(default_factory=dict)
+    _own: list[Group] | None = None
 
     def put(self, path: Path, text: str) -> bool:
         """A file's text, as it stands in the editor; whether it is looked at: there is YAML of many kinds."""
@@ -47,6 +50,7 @@ class Workbench:
             self.texts.pop(path, None)
             return False
         self.texts[path] = text
+        self.project = self.project or path.parent
         return True
 
     def close(self, path: Path) -> None:
@@ -54,8 +58,15 @@ class Workbench:
         self.texts.pop(path, None)
         self._read.pop(path, None)
 
+    def _own_blocks(self) -> list[Group]:
+        """Of the project's Python files, as they were when one was saved last: there may be many to look through."""
+        if self._own is None:
+            self._own = catalogue.own(self.project) if self.project else []
+        return self._own
+
     def saved(self) -> None:
         """Files that are not open may have changed: Python files of blocks, for instance."""
+        self._own = None
         self._read = {path: replace(last, texts={}) for path, last in self._read.items()}
 
     def reading(self, path: Path) -> Reading:
@@ -77,7 +88,7 @@ class Workbench:
             taken = suggestions.members(before, found)
             if taken:
                 return here, taken
-        return here, suggestions.suggest(here, found, self.project or path.parent)
+        return here, suggestions.suggest(here, found, self._own_blocks)
 
     def page(self, path: Path, line: int, column: int) -> tuple[Cursor, str]:
         """What the word there means."""
