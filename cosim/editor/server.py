@@ -30,6 +30,7 @@ class Service:
     def __init__(self, server: LanguageServer) -> None:
         self.server = server
         self.bench = Workbench()
+        self.uris: dict[Path, str] = {}  # as the editor writes them
         self.waiting: asyncio.Task[None] | None = None
 
     # ---- what the editor tells ----
@@ -62,6 +63,7 @@ class Service:
         self._publish(params.text_document.uri, [])
 
     def _put(self, uri: str) -> None:
+        self.uris[_path(uri)] = uri
         if not self.bench.put(_path(uri), self.server.workspace.get_text_document(uri).source):
             self._publish(uri, [])
 
@@ -78,7 +80,7 @@ class Service:
             with unsaved.counting(self.bench.texts):
                 told = [d for e in found.errors for d in protocol.diagnostics(e, protocol.ERROR, path, text)]
                 told += [d for w in found.warnings for d in protocol.diagnostics(w, protocol.WARNING, path, text)]
-            self._publish(path.as_uri(), told)
+            self._publish(self.uris[path], told)
 
     def _publish(self, uri: str, found: list[types.Diagnostic]) -> None:
         self.server.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, found))
@@ -133,7 +135,8 @@ class Service:
             raise JsonRpcInvalidParams(str(error)) from None
         changes: dict[str, list[types.TextEdit]] = {}
         for edit in found:
-            uri = Path(edit.place.file).as_uri()
+            file = Path(edit.place.file)
+            uri = self.uris.get(file) or file.as_uri()
             text = self.server.workspace.get_text_document(uri).source
             begin = edit.place.column - 1
             where = protocol.span_range(text, Span(edit.place.line - 1, begin, begin + edit.length))

@@ -63,7 +63,8 @@ def _named(name: str, node: Node, reader: Reader) -> GridAxis:
 def _crossed(name: str, node: Node, reader: Reader) -> GridAxis:
     """Changes of the diagram by name, each of which every variant is run with."""
     changes = []
-    for called, written in node.value["variants"].value.items():
+    variants = node.value.get("variants")  # none where nothing is said of them
+    for called, written in variants.value.items() if variants else ():
         entries = written.value
         overlay = {key: child for key, child in entries.items() if key in OVERLAY}
         about = reader.text(entries["description"], f"grid.{name}.{called}") if "description" in entries else ""

@@ -43,6 +43,7 @@ def test_each_pair_is_the_run_that_both_say(results, tmp_path):
     ("text", "message"),
     [
         ("{speed: {variants: {}}}", "has no variants"),
+        ("{speed: {variants: }}", "has no variants"),
         ("{speed: {path: run.step}}", "`grid.speed` has no `values`"),
         ("{speed: {values: [1]}}", "`grid.speed` has no `path`"),
         ("{variant: {path: run.step, values: [0.1]}}", "no axis of the grid can be called `variant`"),
