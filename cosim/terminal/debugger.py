@@ -13,15 +13,8 @@ from typing import Any
 
 Place = tuple[str, int]
 """Where a function begins: the file of its code, and its first line."""
-OURS = (
-    "cosim.engine*",
-    "cosim.master*",
-    "cosim.compiling*",
-    "cosim.tracing*",
-    "cosim.terminal*",
-    "numpy*",
-    "contextlib",
-)
+PASSED = ("cosim", "numpy", "contextlib")
+"""Packages through which nobody steps, but for `cosim.blocks`."""
 
 
 class Debugger(pdb.Pdb):
@@ -31,23 +24,28 @@ class Debugger(pdb.Pdb):
     """
 
     def __init__(self, places: Iterable[Place], passed: int = 0) -> None:
-        super().__init__(skip=OURS, nosigint=True)
+        super().__init__(skip=PASSED, nosigint=True)
         self.prompt = "(cosim) "
         self._places = {*places}
         self._passed = passed
         self._wanted: FrameType | None = None
+        self._stepping = False
         self.quitting = False
 
     @property
     def has_reason(self) -> bool:
         """Whether there is still anything to stop for."""
-        return not self.quitting and bool(self._places or self.breaks)
+        return not self.quitting and bool(self._places or self.breaks or self._stepping)
 
     def watch(self, function: Callable[[], Any]) -> None:
-        """Call a function and stop in what it calls; without a word where somebody quits."""
+        """Call a function and stop in what it calls; without a word where somebody quits.
+
+        Who goes line by line does so from one call into the next.
+        """
         self.reset()
         self.botframe = inspect.currentframe()  # as of `runcall`, which would stop at once
-        self._set_stopinfo(self.botframe, None, -1)  # type: ignore[attr-defined]
+        if not self._stepping:
+            self._set_stopinfo(self.botframe, None, -1)  # type: ignore[attr-defined]
         sys.settrace(self.trace_dispatch)
         try:
             function()
@@ -55,11 +53,17 @@ class Debugger(pdb.Pdb):
             pass
         finally:
             sys.settrace(None)
+            self._stepping = self.stopframe is None
 
     def look_at(self, error: BaseException) -> None:
         """Show where something was raised."""
         self.reset()
         self.interaction(None, error.__traceback__)
+
+    def is_skipped_module(self, module_name: str | None) -> bool:
+        """Whether nobody steps through a module."""
+        package, _, rest = (module_name or "").partition(".")
+        return package in PASSED and not (package == "cosim" and rest.partition(".")[0] == "blocks")
 
     def lookupmodule(self, filename: str) -> str | None:
         """The file that `b file.py:12` means: of the working folder, as diagrams name it, or of Python's path."""

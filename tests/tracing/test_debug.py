@@ -157,6 +157,14 @@ def test_a_breakpoint_that_is_set_by_hand_holds(debug):
     assert (code, out.count(f"tank.py({LINE})derivatives()")) == (0, 3)
 
 
+def test_line_by_line_it_goes_from_one_call_into_the_next(debug):
+    """Runge-Kutta calls the function four times a step for each of two members: more than one step is gone through."""
+    code, out = debug("n\n" * 60 + "c\n", "--at", "0.2", "--stop", "0.4")
+    assert code == 0
+    assert out.count("derivatives()->None") > 8
+    assert "to the end at t = 0.4 s" in out.replace("\n", " ")
+
+
 def test_without_a_moment_it_stops_before_the_run_fails_and_then_where_it_does(debug):
     code, out = debug("c\np level > 0.75\nq\n")
     assert code == 1

@@ -86,7 +86,7 @@ def _moment(made: Program, kernels: Kernels, options: argparse.Namespace) -> Hal
 
 def _debug(made: Program, kernels: Kernels, moment: Halt, block: str, member: int) -> int:
     """Go on from a moment under a debugger: an editor's where there is one, which has its own breakpoints."""
-    editor = sys.gettrace() is not None
+    editor = sys.gettrace() is not None or "pydevd" in sys.modules  # which needs no trace function from 3.12 on
     debugger = Debugger(_functions(made, block), member - 1)
     simulation = hand_over.interpreted_at(made, kernels, moment.tick)
     screen.say(f"{moment.why}\nt = {simulation.time:g} s: compiled up to here, Python from here on")
