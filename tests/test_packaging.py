@@ -74,6 +74,9 @@ def test_a_folder_called_blocks_beside_a_file_of_blocks_is_in_nobodys_way(instal
 
 
 def test_the_environment_of_a_user_knows_no_clone(user):
-    code = "import cosim, cosim.results, cosim.blocks, sys; print(cosim.__file__, cosim.results.__file__, *sys.path)"
+    shown = "cosim.__file__, cosim.results.__file__, *sys.path"
+    code = f"import cosim, cosim.results, cosim.blocks, sys; print({shown}, sep='\\n')"
     done = subprocess.run([user / "bin" / "python", "-I", "-c", code], capture_output=True, text=True, check=True)
-    assert str(user) in done.stdout and str(ROOT) not in done.stdout
+    package, results, *path = done.stdout.splitlines()
+    assert all(Path(file).is_relative_to(user) for file in (package, results))
+    assert str(ROOT) not in path  # the tests' own environment, with what cosim needs, may lie in it

@@ -40,7 +40,7 @@ def test_a_design_that_fails_says_which_values_it_was_made_of(write):
     text += "    {A: [[2, 0], [0, 1]], B: [[0], [1]], Q: [[1, 0], [0, 1]]}}\n"
     outcome = run.Run(run.load(write(text))).execute()
     assert outcome.status == "failed" and "what the inputs do not reach is unstable" in outcome.error.message
-    assert outcome.error.fix.startswith("other values of A, B, Q, R; or run with")
+    assert outcome.error.fix.startswith("other values of A, B, Q, R; or `cosim debug`")
 
 
 A = np.array([[0, 1, 0], [0, 0, 1], [0.1, -0.2, 0.3]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bdb
 import io
 import sys
 from itertools import islice
@@ -131,6 +132,7 @@ def debug(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(sys, "gettrace", lambda: None)  # also where the tests themselves are traced
 
     def call(typed: str, *options: str) -> tuple[int, str]:
+        bdb.Breakpoint.clearBreakpoints()  # which are those of the process
         monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
         code = cli.main(["debug", "filled.yaml", *options])
         return code, "".join(capfd.readouterr())
