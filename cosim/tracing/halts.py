@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from cosim.compiling.kernels import Kernels
 from cosim.engine.hand_run import HandRun
-from cosim.engine.probes import Probes
+from cosim.engine.probes import Probes, Samples
 from cosim.engine.program import Program
 from cosim.engine.simulation import Simulation
 from cosim.errors import CosimError, FormulaError, Position, WrongValue
@@ -21,7 +22,6 @@ from cosim.language.requirement import RequirementEntry, told
 from cosim.language.source import Node
 from cosim.requirements.judges import course
 from cosim.requirements.margins import margin
-from cosim.requirements.terms import Seen
 from cosim.wiring import required
 
 BEYOND = 1e-9
@@ -30,14 +30,14 @@ BEYOND = 1e-9
 
 @dataclass(frozen=True)
 class Halt:
-    """A communication point. tick: which; why: in words; error: what the run fails with behind it, if it does.
+    """A communication point. tick: which; None: before a run is initialized. why: in words.
 
-    component: whose fault that is, "" where it is nobody's.
+    fails: whether the run fails soon behind it; component: by whose fault, "" where it is nobody's.
     """
 
-    tick: int
+    tick: int | None
     why: str
-    error: CosimError | None = None
+    fails: bool = False
     component: str = ""
 
 
@@ -55,7 +55,7 @@ def at(program: Program, time: float) -> Halt:
 def first(program: Program, kernels: Kernels, text: str) -> Halt | None:
     """The first communication point at which a condition holds, of any member; None if it never does.
 
-    Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit; as `Simulation.batches` where the run fails before.
+    Where the run fails before, as of `failure`. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit.
     """
     network = program.network
     formula = Node(text, Position("--when"))
@@ -65,44 +65,48 @@ def first(program: Program, kernels: Kernels, text: str) -> Halt | None:
         fix = "a condition of one instant, such as plant.x > 1"
         raise FormulaError("`--when` takes no always, eventually or until", place(0), fix)
     signals = {mention.signal: Node(mention.signal, place(mention.at)) for mention in mentions(condition)}
+    if not signals:
+        raise FormulaError("the condition names no signal", place(0), "write block.port, such as plant.x > 1")
     entry = RequirementEntry("--when", formula, condition, False, signals, formula.position)
     scope = required.scope(network, entry)
     wanted = margin(condition, scope)
-    seen: list[Seen] = [scope.look(name, node.position) for name, node in signals.items()]
-    if not seen:
-        raise FormulaError("the condition names no signal", place(0), "write block.port, such as plant.x > 1")
-    keys = tuple(dict.fromkeys(one.key for one in seen))
-    grid = network.schedule.grid
-    simulation = Simulation(program, kernels, [Probes(keys, grid)])  # type: ignore[arg-type]
+    keys: dict[Any, None] = {scope.look(name, node.position).key: None for name, node in signals.items()}
+    simulation = Simulation(program, kernels, [Probes(tuple(keys), network.schedule.grid)])
     try:
         simulation.initialize()
         for (samples,) in simulation.batches():
-            try:
-                holds = course(wanted, samples.times, samples.values) > 0.0  # type: ignore[arg-type]
-            except FormulaError as error:
-                error.position = place(0)
-                raise told("--when", error) from None
+            holds = course(wanted, samples.times, samples.values) > 0.0  # type: ignore[arg-type]
             rows = np.flatnonzero(holds.reshape(len(holds), -1).any(axis=1))
             if rows.size:
-                time = float(samples.times[rows[0]])
-                step = min(round(time / network.diagram.run.step), network.diagram.run.steps)
-                return Halt(step * grid, f"{text}, first at t = {time:g} s")
+                return Halt(at(program, float(samples.times[rows[0]])).tick, f"{text}, first at {_time(samples, rows)}")
+    except FormulaError as error:
+        error.position = place(0)
+        raise told("--when", error) from None
+    except CosimError:
+        return failure(program, kernels)
     finally:
         simulation.close()
     return None
 
 
+def _time(samples: Samples, rows: np.ndarray) -> str:
+    return f"t = {samples.times[rows[0]]:g} s"
+
+
 def failure(program: Program, kernels: Kernels) -> Halt | None:
-    """The last communication point that a run comes to before it fails; None if it comes to its end."""
+    """The last communication point but one that a run comes to before it fails; None if it comes to its end.
+
+    The last one may be where it fails.
+    """
     simulation = HandRun(program, kernels)
     try:
         simulation.initialize()
         simulation.go_to(simulation.ticks)
     except CosimError as error:
         places_of = {c.entry.position: c.name for c in program.network.components.values()}
-        component = places_of.get(error.position, "") if error.position else ""
         grid = program.network.schedule.grid
-        return Halt(simulation.done - simulation.done % grid, error.message, error, component)
+        tick = (simulation.done - 1) // grid * grid if simulation.done else None
+        return Halt(tick, error.message, True, places_of.get(error.position, "") if error.position else "")
     finally:
         simulation.close()
     return None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 from cosim.compiling.kernels import Kernels
 from cosim.engine import run_state
@@ -23,29 +24,30 @@ def handed_over(before: HandRun, kernels: Kernels | None) -> HandRun:
     Raises: BlockFailed, Diverged.
     """
     run = begun(before.program, kernels)
-    before.resting = run.resting = True
     run_state.restore(run, run_state.state_of(before))
     return run
 
 
-def interpreted_at(program: Program, kernels: Kernels, tick: int) -> HandRun:
-    """A run as plain Python at a communication point, to which compiled code goes.
+def interpreted_at(program: Program, kernels: Kernels, tick: int | None) -> HandRun:
+    """A run as plain Python at a communication point, to which compiled code goes; None: before it is initialized.
 
     What is published there is computed anew, so that authors' functions are called at that very time.
     Raises: BlockFailed, Diverged, Terminated.
     """
+    if tick is None:
+        return HandRun(program, None)
     compiled = begun(program, kernels)
-    compiled.go_to(0)
-    if tick:
-        compiled.go_to(tick)
+    compiled.go_to(tick)
     run = handed_over(compiled, None)
     run.forget_point()
     return run
 
 
-def points_ahead(run: HandRun) -> Iterator[int]:
-    """The ticks of the communication points that are still to be computed, that at which it is first."""
+def ahead(run: HandRun) -> Iterator[Callable[[], None]]:
+    """What is still to be done: to initialize, to compute the communication point at which it is, and each to come."""
+    if run.host is None:
+        yield run.initialize
     grid = run.program.network.schedule.grid
-    yield run.done
+    yield partial(run.go_to, run.done)
     while run.done < run.ticks and run.termination is None:
-        yield min(run.done - run.done % grid + grid, run.ticks)
+        yield partial(run.go_to, min(run.done - run.done % grid + grid, run.ticks))

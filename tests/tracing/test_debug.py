@@ -6,6 +6,7 @@ import bdb
 import io
 import sys
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -64,8 +65,8 @@ def test_engines_take_turns_without_changing_a_bit(wired, method, tick):
     whole.go_to(whole.ticks)
     turns = hand_over.interpreted_at(built, kernels, tick)
     assert turns.done == tick
-    for point in islice(hand_over.points_ahead(turns), 4):
-        turns.go_to(point)
+    for do in islice(hand_over.ahead(turns), 4):
+        do()
     assert turns.done == tick + 3 * built.network.schedule.grid
     rest = hand_over.handed_over(turns, kernels)
     rest.go_to(rest.ticks)
@@ -78,9 +79,9 @@ def test_points_ahead_end_with_the_run(wired):
     grid = built.network.schedule.grid
     run = hand_over.interpreted_at(built, kernels, 2 * grid)
     seen = []
-    for tick in hand_over.points_ahead(run):
-        run.go_to(tick)
-        seen.append(tick // grid)
+    for do in hand_over.ahead(run):
+        do()
+        seen.append(run.done // grid)
     assert seen == [2, 3, 4, 5]
 
 
@@ -131,10 +132,10 @@ def debug(tmp_path, monkeypatch, capfd):
     (tmp_path / "filled.yaml").write_text(FILLED)
     monkeypatch.setattr(sys, "gettrace", lambda: None)  # also where the tests themselves are traced
 
-    def call(typed: str, *options: str) -> tuple[int, str]:
+    def call(typed: str, *options: str, diagram: str = "filled.yaml") -> tuple[int, str]:
         bdb.Breakpoint.clearBreakpoints()  # which are those of the process
         monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
-        code = cli.main(["debug", "filled.yaml", *options])
+        code = cli.main(["debug", diagram, *options])
         return code, "".join(capfd.readouterr())
 
     return call
@@ -173,6 +174,45 @@ def test_without_a_moment_it_stops_before_the_run_fails_and_then_where_it_does(d
     assert "ValueError: it overflows" in out
     assert f"tank.py({LINE + 1})derivatives()" in out
     assert "True" in out
+
+
+LATE = '''\
+from cosim import Block, Input, Output, Parameter
+
+
+class Late(Block):
+    """It fails at a time, where its output is published."""
+
+    u = Input()
+    T = Parameter(default=0.5)
+    y = Output()
+
+    def outputs(time, u, T, y):
+        if time >= T:
+            raise ValueError("too late")
+        y[0] = u
+'''
+
+
+@pytest.mark.parametrize(("T", "where"), [(0.5, "t = 0.4 s: compiled up to here"), (0.0, "Python from here on")])
+def test_a_point_that_cannot_be_computed_is_computed_in_the_debugger(debug, T, where):
+    """Also the first one, of which no run is initialized."""
+    Path("late.py").write_text(LATE)
+    Path("late.yaml").write_text(
+        f"run: {{stop: 1, step: 0.1}}\nblocks: {{b: {{python: late.py:Late, parameters: {{T: {T}}}, inputs: {{u: 1}}}}}}"
+    )
+    code, out = debug("c\np time >= T\nq\n", diagram="late.yaml")
+    assert code == 1
+    assert where in out
+    assert f"late.py({1 + LATE[: LATE.index('            raise')].count(chr(10))})outputs()" in out
+    assert "True" in out
+
+
+def test_a_run_that_fails_before_is_looked_at_there(debug):
+    code, out = debug("c\nq\n", "--when", "tank.level > 3")
+    assert code == 1
+    assert "it overflows" in out and f"tank.py({LINE + 1})derivatives()" in out
+    assert debug("", "--at", "1.5")[0] == 1  # behind the failure nobody can stop
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import partial
 
 from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.kernels import Kernels
@@ -88,14 +87,15 @@ def _debug(made: Program, kernels: Kernels, moment: Halt, block: str, member: in
     """Go on from a moment under a debugger: an editor's where there is one, which has its own breakpoints."""
     editor = sys.gettrace() is not None or "pydevd" in sys.modules  # which needs no trace function from 3.12 on
     debugger = Debugger(_functions(made, block), member - 1)
-    simulation = hand_over.interpreted_at(made, kernels, moment.tick)
-    screen.say(f"{moment.why}\nt = {simulation.time:g} s: compiled up to here, Python from here on")
     try:
-        for tick in hand_over.points_ahead(simulation):
+        simulation = hand_over.interpreted_at(made, kernels, moment.tick)
+        until = "" if moment.tick is None else f"t = {simulation.time:g} s: compiled up to here, "
+        screen.say(f"{moment.why}\n{until}Python from here on")
+        for do in hand_over.ahead(simulation):
             if editor:
-                simulation.go_to(tick)
-            elif debugger.has_reason:
-                debugger.watch(partial(simulation.go_to, tick))
+                do()
+            elif debugger.has_reason or (moment.fails and not debugger.quitting):
+                debugger.watch(do)
             else:
                 break
         if not debugger.quitting:
