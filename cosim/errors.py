@@ -61,6 +61,12 @@ class CosimError(Exception):
         self.position = position
         self.fix = fix
 
+    @property
+    def each(self) -> list[CosimError]:
+        """It, or those that it holds."""
+        found: list[CosimError] = getattr(self, "errors", [self])
+        return found
+
     def __str__(self) -> str:
         where = f"{self.position}: " if self.position else ""
         fix = f"\n    fix: {self.fix}" if self.fix else ""
@@ -332,9 +338,8 @@ class Problems:
         self.errors: list[CosimError] = []
 
     def add(self, error: CosimError) -> None:
-        """Keep one mistake; the mistakes inside a `DiagramErrors` are kept one by one."""
-        found = error.errors if isinstance(error, DiagramErrors) else [error]
-        self.errors.extend(e for e in found if str(e) not in {str(known) for known in self.errors})
+        """Keep a mistake, or each that it holds."""
+        self.errors.extend(e for e in error.each if str(e) not in {str(known) for known in self.errors})
 
     def attempt(self, stage: Callable[..., Any], *arguments: Any) -> Any:
         """What a stage returns; None if it raises a mistake, which is kept."""

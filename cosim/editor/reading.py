@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cosim.authoring.declaration import Declaration
+from cosim.authoring.leaving import left
 from cosim.errors import CosimError, DiagramErrors, Problems, WrongFile
 from cosim.language import diagram as diagrams
 from cosim.language import source
@@ -62,10 +63,7 @@ def read(path: Path) -> Reading:
     try:
         return _read(path)
     except SystemExit as leaving:  # of a rule's function, which would end the server
-        message = f"a block's code asks the whole program to end: SystemExit({leaving.code!r})"
-        return Reading(
-            path, [CosimError(message, fix='a rule returns whether it holds; elsewhere raise ValueError("…")')]
-        )
+        return Reading(path, [left(leaving)])
 
 
 def _read(path: Path) -> Reading:
@@ -87,7 +85,7 @@ def _read(path: Path) -> Reading:
         try:
             found.warnings = list(overview.describe(found.network).warnings)
         except CosimError as error:
-            found.errors = _each(error)
+            found.errors = error.each
     else:
         found.declarations = _declarations(found.diagram.blocks.values())
     return found
@@ -98,17 +96,13 @@ def _study(path: Path) -> Reading:
     try:
         study_file.load(path)
     except CosimError as error:
-        found.errors = _each(error)
+        found.errors = error.each
     with suppress(CosimError):
         named = source.read(path, Problems()).value["diagram"].value
         of_diagram = read(Path(os.path.normpath(path.parent / str(named))))
         found.diagram, found.declarations = of_diagram.diagram, of_diagram.declarations
         found.network, found.inner = of_diagram.network, of_diagram.inner
     return found
-
-
-def _each(error: CosimError) -> list[CosimError]:
-    return error.errors if isinstance(error, DiagramErrors) else [error]
 
 
 def _declarations(entries: Iterable[BlockEntry]) -> dict[str, Declaration]:

@@ -39,7 +39,7 @@ def _module(component: Component, problems: Problems) -> kernels.Module | None:
     try:
         return kernels.block_module(component.declaration, component.constants())
     except (KernelError, DeclarationError, DiagramErrors) as error:
-        for mistake in error.errors if isinstance(error, DiagramErrors) else [error]:
+        for mistake in error.each:
             place = mistake.position or component.entry.type.position
             problems.add(type(mistake)(f"block {component.name}: {mistake.message}", place, mistake.fix))
         return None

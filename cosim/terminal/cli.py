@@ -11,10 +11,9 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 
 import cosim
-from cosim.errors import CosimError, Position, UsageError
+from cosim.errors import CosimError, UsageError
 from cosim.machine import interruption, streams
 from cosim.terminal import notice_printer
 from cosim.terminal.command_names import COMMANDS
@@ -81,7 +80,9 @@ def _command(options: argparse.Namespace, heard: interruption.Interruption) -> i
         where = f"{error.filename}: " if error.filename else ""
         wrong = CosimError(f"{where}{error.strerror or error}")
     except SystemExit as leaving:  # of a rule's function, for one: nobody has said why
-        wrong = _left(leaving)
+        from cosim.authoring.leaving import left
+
+        wrong = left(leaving)
     except MemoryError:
         wrong = CosimError("there is not enough memory", fix="run fewer members or steps at a time, or record less")
     heard.raise_if_wanted()  # Python wraps what is raised in some calls, and an import may translate it
@@ -96,22 +97,6 @@ def _failed(error: CosimError, subject: dict[str, str], in_json: bool) -> int:
 
     screen.print_errors(error)
     return BAD_INPUT
-
-
-def _left(leaving: SystemExit) -> CosimError:
-    """An exit out of an author's code, which would end the program without a word, as a mistake at its line."""
-    import traceback
-
-    from cosim.authoring.author_source import shown
-
-    own = str(Path(__file__).parents[1])
-    frames = [f for f in traceback.extract_tb(leaving.__traceback__) if not f.filename.startswith((own, "<"))]
-    place = (
-        Position(shown(frames[-1].filename), frames[-1].lineno or 0, (frames[-1].colno or 0) + 1) if frames else None
-    )
-    asked = "" if leaving.code is None else repr(leaving.code)
-    message = f"a block's code asks the whole program to end: SystemExit({asked})"
-    return CosimError(message, place, 'a rule returns whether it holds; elsewhere raise ValueError("…")')
 
 
 def _subject(options: argparse.Namespace) -> dict[str, str]:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
 
-from cosim.errors import CosimError, DiagramErrors, Position
+from cosim.errors import CosimError, Position
 from cosim.machine.notices import PATIENCE
 from cosim.results.formatting import format_change, format_duration, format_value, format_with_error
 
@@ -191,10 +191,9 @@ class Progress:
 
 def print_errors(error: CosimError, file: IO[str] | None = None) -> None:
     """Print a mistake, or all those of a `DiagramErrors`, to standard error, each with its line and the usual fix."""
-    errors = error.errors if isinstance(error, DiagramErrors) else [error]
-    _print_problems(errors, "error", "bold red", file)
-    if len(errors) > 1:
-        _console(file or sys.stderr).print(f"{len(errors)} errors", style="bold red")
+    _print_problems(error.each, "error", "bold red", file)
+    if len(error.each) > 1:
+        _console(file or sys.stderr).print(f"{len(error.each)} errors", style="bold red")
 
 
 def print_warnings(warnings: Iterable[CosimError], file: IO[str] | None = None) -> None:
