@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from cosim.errors import Position
-from cosim.language import source
-from cosim.results import diagram_differences
-from cosim.wiring.network import Network
+from cosim.language.diagram import Diagram
+from cosim.results.diagram_differences import differences, plain
 
 
-def changed(network: Network, before: Network) -> list[str]:
-    """The blocks of a network that another one does not have, or has otherwise."""
-    trees = [source.parse_value(one.diagram.resolved(), Position("")).plain() for one in (before, network)]
-    keys = [item.key for item in diagram_differences.differences(trees)]
-    return sorted({key.split(".")[1] for key in keys if key.startswith("blocks.")} & {*network.components})
+def changed(diagram: Diagram, before: Diagram) -> list[str]:
+    """The blocks of a diagram that another one does not have, or has otherwise."""
+    keys = [item.key for item in differences([plain(one.resolved()) for one in (before, diagram)])]
+    return sorted({key.split(".")[1] for key in keys if key.startswith("blocks.")} & {*diagram.blocks})

@@ -248,7 +248,7 @@ def _resolved(results: Results, variant: str) -> str:
 def _drawing(results: Results, variant: str) -> str:
     """The blocks and wires of a variant; marked, those that differ from the study's first one."""
     first, network = results.variants.base(next(iter(results.study.variants))), results.variants.base(variant)
-    drawn = svg.svg(shapes.drawing(network, marks.changed(network, first)))
+    drawn = svg.svg(shapes.drawing(network, marks.changed(network.diagram, first.diagram)))
     data = base64.b64encode(drawn.encode()).decode()
     shown = (
         f'<img style="max-width: 100%" src="data:image/svg+xml;base64,{data}" alt="{escape(network.diagram.title)}">'

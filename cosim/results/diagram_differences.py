@@ -57,10 +57,15 @@ def read(result: FromDiagram) -> dict[str, Any] | None:
     if not isinstance(text, str) or not text.strip():
         return None
     try:
-        tree = source.parse_value(text, Position(str(result.path))).plain()
+        tree = plain(text, str(result.path))
     except (CosimError, RecursionError):  # of another version, or by another program
         return None
     return tree if isinstance(tree, dict) else None
+
+
+def plain(text: str, place: str = "") -> Any:
+    """A resolved diagram's text as plain values. Raises: CosimError, RecursionError."""
+    return source.parse_value(text, Position(place)).plain()
 
 
 def differences(diagrams: Sequence[Mapping[str, Any]]) -> list[Difference]:

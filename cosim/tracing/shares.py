@@ -17,7 +17,7 @@ from cosim.errors import CosimError, Position, Problems
 from cosim.language import diagram as diagrams
 from cosim.language import source
 from cosim.language.keys import TYPES
-from cosim.results.diagram_differences import Difference, differences
+from cosim.results.diagram_differences import Difference, differences, plain
 from cosim.wiring import resolution
 from cosim.wiring.network import Network
 
@@ -53,7 +53,7 @@ class Shares:
 
 def shares(a: Network, b: Network) -> Shares:
     """Run both, and each with every key of the other; without figures where one of the two does not come to its end."""
-    trees = [source.parse_value(network.diagram.resolved(), Position("")).plain() for network in (a, b)]
+    trees = [plain(network.diagram.resolved()) for network in (a, b)]
     found = _units(trees)
     try:
         first, second = _figures(a), _figures(b)

@@ -173,6 +173,15 @@ def test_the_command_writes_all_kinds_and_marks_what_an_overlay_changes(tmp_path
     assert "marked: reference" in capsys.readouterr().out
 
 
+def test_a_base_need_not_run_by_itself(tmp_path, monkeypatch, capsys):
+    """What an overlay extends may lack what the overlay brings."""
+    monkeypatch.chdir(tmp_path)
+    Path("base.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks: {g: {block: Gain}}\n")
+    Path("over.yaml").write_text("extends: base.yaml\nblocks: {s: {block: Sine}, g: {inputs: {u: s.y}}}\n")
+    assert cli.main(["draw", "over.yaml"]) == 0
+    assert "marked: g, s" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("output", "said"), NO_DRAWING)
 def test_no_other_file_is_written(tmp_path, monkeypatch, capsys, output, said):
     monkeypatch.chdir(tmp_path)

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from cosim.drawing import marks, mermaid, shapes, svg
-from cosim.engine import run as engine
-from cosim.errors import CosimError
+from cosim.errors import CosimError, Problems
+from cosim.language import diagram as diagrams
 from cosim.machine import files
 from cosim.plot import style
 from cosim.terminal.commands.options import diagram_arguments, load_network
@@ -44,16 +44,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _changed(network: Network, options: argparse.Namespace) -> list[str]:
-    """The blocks that differ from what the diagram was before its uppermost layer. Raises: DiagramErrors."""
-    if options.beside:
-        other = engine.load(options.beside)
-    elif options.set or options.swap:
-        other = engine.load(options.diagram)
-    elif network.diagram.extended:
-        other = engine.load(network.diagram.extended[0])
-    else:
+    """The blocks that differ from what the diagram was before its uppermost layer.
+
+    That may lack what the layer brings, so that it is read and not wired. Raises: DiagramErrors.
+    """
+    extended = network.diagram.extended[:1]
+    changes = [options.diagram] if options.set or options.swap else extended
+    before = next(iter([options.beside] if options.beside else changes), None)
+    if before is None:
         return []
-    return marks.changed(network, other)
+    return marks.changed(network.diagram, diagrams.load(before, problems=Problems()))
 
 
 def _write(text: str, output: Path) -> None:
