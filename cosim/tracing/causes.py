@@ -51,12 +51,18 @@ def _both(a: Network, b: Network) -> list[str]:
 
 
 def _reads(network: Network, initial: bool) -> dict[Signal, list[Signal]]:
-    """What each signal is computed from at one instant, by what is done there in order."""
+    """What each signal is computed from at one instant, by what is done there in order; through inputs their sources.
+
+    What is read late is not of that instant.
+    """
     found: dict[Signal, list[Signal]] = {}
+    inputs: dict[Signal, list[Signal]] = {}  # those that are joined, or copied
     for step in network.initial if initial else network.evaluation:
         for task in step.tasks if isinstance(step, Loop) else (step,):
+            read = [source for signal in network.read(task) for source in inputs.get(signal, [signal])]
+            late = not task.function and network.components[task.component].is_late(task.port)
             for signal in network.written(task):
-                found.setdefault(signal, []).extend(network.read(task))
+                (found if task.function else inputs).setdefault(signal, []).extend([] if late else read)
     return found
 
 

@@ -31,21 +31,24 @@ class Fork:
 
     branches: all signals that differ there.
 
-    same: how many signals are compared; alone: of each run, those that the other does not have in that shape. ends: how
-    each run ended where it did not come to its end, and nothing differed before.
+    same: how many signals are compared; alone: those that one run alone has; unlike: those that have another shape or
+    type in each. ends: how each run ended where it did not come to its end, and nothing differed before; failed:
+    whether one did so by a failure.
     """
 
     step: int = 0
     time: float = math.nan
     branches: dict[Signal, Branch] = field(default_factory=dict)
     same: int = 0
-    alone: tuple[list[Signal], list[Signal]] = field(default_factory=lambda: ([], []))
+    alone: list[Signal] = field(default_factory=list)
+    unlike: dict[Signal, tuple[str, str]] = field(default_factory=dict)
     ends: tuple[str, str] = ("", "")
+    failed: bool = False
 
     @property
     def is_one(self) -> bool:
-        """Whether the runs part anywhere."""
-        return bool(self.branches) or self.ends[0] != self.ends[1]
+        """Whether the runs part anywhere, or have nothing in common."""
+        return bool(self.branches or self.unlike) or self.ends[0] != self.ends[1] or not self.same
 
 
 def fork(a: Network, b: Network) -> Fork:
@@ -54,9 +57,10 @@ def fork(a: Network, b: Network) -> Fork:
     Parameters are no part of that: what is told is where they have an effect.
     """
     first, second = _computed(a), _computed(b)
-    common = [s for s in first if s in second and _kind(a, s) == _kind(b, s)]
-    alone = [s for s in first if s not in common], [s for s in second if s not in common]
-    found = Fork(same=len(common), alone=alone)
+    kinds = {s: (_kind(a, s), _kind(b, s)) for s in first if s in second}
+    common = [s for s, (one, other) in kinds.items() if one == other]
+    alone = [s for s in (*first, *second) if s not in kinds]
+    found = Fork(same=len(common), alone=alone, unlike={s: pair for s, pair in kinds.items() if s not in common})
     steps = [exact(network.diagram.run.step) for network in (a, b)]
     together = math.lcm(steps[0].numerator * steps[1].denominator, steps[1].numerator * steps[0].denominator)
     period = [together // (s.numerator * o.denominator) for s, o in zip(steps, reversed(steps), strict=True)]
@@ -66,7 +70,7 @@ def fork(a: Network, b: Network) -> Fork:
         blocks = [run.ahead() for run in runs]
         size = min(map(len, blocks))
         if not size:
-            found.ends = runs[0].ended, runs[1].ended
+            found.ends, found.failed = (runs[0].ended, runs[1].ended), any(run.failed for run in runs)
             return found
         rows = [run.take(size) for run in runs]
         differ = {s: _differences(rows[0].values[s], rows[1].values[s]) for s in common}
@@ -93,7 +97,7 @@ class _Course:
         self._simulation = Simulation(built, kernels, [Probes(tuple(signals), every * network.schedule.grid)])
         self._batches = self._all()
         self._kept: Samples | None = None
-        self.ended = ""
+        self.ended, self.failed = "", False
 
     def _all(self) -> Iterator[Samples]:
         try:
@@ -104,7 +108,7 @@ class _Course:
             if self._simulation.termination:
                 self.ended = self._simulation.termination.message
         except CosimError as error:
-            self.ended = error.message
+            self.ended, self.failed = error.message, True
         finally:
             self._simulation.close()
 
@@ -127,9 +131,9 @@ def _computed(network: Network) -> list[Signal]:
     return [s for s in network.signals() if not isinstance(network.variable(s), Parameter)]
 
 
-def _kind(network: Network, signal: Signal) -> object:
+def _kind(network: Network, signal: Signal) -> str:
     """What two signals have in common that can be compared."""
-    return network.shape(signal), network.variable(signal).dtype
+    return f"{network.variable(signal).dtype.name} {network.shape(signal)}"
 
 
 def _differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -150,6 +150,39 @@ def test_a_run_that_fails_where_the_other_does_not_is_told(folder, capsys):
     assert "ValueError: full" in "".join(capsys.readouterr())
 
 
+def test_a_run_that_fails_is_no_success_where_the_other_fails_alike(folder, capsys):
+    Path("full.py").write_text(CODE.replace("        d_x", "        raise ValueError('full')\n        d_x"))
+    Path("full.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks: {f: {python: full.py:Filter, start: {u: 1}}}\n")
+    assert cli.main(["bisect", "full.yaml"]) == 1
+    out = capsys.readouterr().out
+    assert "both end there" in out and "ValueError: full" in out and "nan" not in out
+
+
+def test_signals_of_another_shape_are_a_difference(folder, capsys):
+    Path("fleet.yaml").write_text(
+        "run: {stop: 1, step: 0.1}\nfleets: {robot: 3}\nblocks: {s: {block: Sine, per: robot}, t: {block: Sine}}\n"
+    )
+    code, found = bisect(capsys, "fleet.yaml", "--set", "fleets.robot=4")
+    assert (code, found["same"], found["unlike"]) == (1, False, {"s.y": ["float64 (3,)", "float64 (4,)"]})
+    assert cli.main(["bisect", "fleet.yaml", "--set", "fleets.robot=4"]) == 1
+    assert "s.y cannot be compared: float64 (3,) → float64 (4,)" in capsys.readouterr().out
+
+
+def test_runs_without_anything_in_common_are_not_the_same(folder, capsys):
+    code, found = bisect(capsys, "lags.yaml", "product.yaml")
+    assert (code, found["same"], found["causes"]) == (1, False, [])
+
+
+def test_what_goes_through_a_joined_input_is_carried(folder, capsys):
+    """The mean's input is joined of both lags."""
+    text = LAGS.replace("metrics:", "  mean: {block: Mean, inputs: {u: [first.x, second.x]}}\nmetrics:")
+    Path("joined.yaml").write_text(text)
+    _, found = bisect(capsys, "joined.yaml", "--set", "blocks.first.parameters.T=0.4")
+    carried = {one["signal"]: one["by"] for one in found["carried"]}
+    assert [cause["signal"] for cause in found["causes"]] == ["first.x"]
+    assert carried["mean.y"] == ["first.x"]
+
+
 def test_a_constant_of_any_block_of_the_formation_is_found(formation):
     """Each number of each block is changed by a tenth of a per cent; where anything parts, that block is the cause."""
     network = run.load(formation, ["run.stop=0.2"])

@@ -198,9 +198,8 @@ class Late(Block):
 def test_a_point_that_cannot_be_computed_is_computed_in_the_debugger(debug, T, where):
     """Also the first one, of which no run is initialized."""
     Path("late.py").write_text(LATE)
-    Path("late.yaml").write_text(
-        f"run: {{stop: 1, step: 0.1}}\nblocks: {{b: {{python: late.py:Late, parameters: {{T: {T}}}, inputs: {{u: 1}}}}}}"
-    )
+    block = f"{{python: late.py:Late, parameters: {{T: {T}}}, inputs: {{u: 1}}}}"
+    Path("late.yaml").write_text(f"run: {{stop: 1, step: 0.1}}\nblocks: {{b: {block}}}\n")
     code, out = debug("c\np time >= T\nq\n", diagram="late.yaml")
     assert code == 1
     assert where in out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from cosim.results.formatting import format_value
 from cosim.results.metrics import for_json
 from cosim.results.text_table import TextTable
 from cosim.terminal import study_display
-from cosim.terminal.exits import DIFFERENT, DONE
+from cosim.terminal.exits import DIFFERENT, DONE, STOPPED
 from cosim.terminal.screen import print_rows, say
 from cosim.tracing import causes, forks, shares
 from cosim.tracing.causes import Trail
@@ -39,13 +40,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run both side by side up to where they part, and then with each key of the other; 1 where they part."""
+    """Run both side by side up to where they part, and then with each key of the other; 1 where they part, or fail."""
     a = engine.load(options.first)
     b = engine.load(options.second or options.first, options.set, options.swap)
     found = forks.fork(a, b)
     if not found.is_one:
         _tell_same(found, options.json)
-        return DONE
+        return STOPPED if found.failed else DONE
     trail = causes.trail(a, b, found)
     explained = shares.shares(a, b)
     if options.json:
@@ -57,21 +58,31 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _tell_same(found: Fork, in_json: bool) -> None:
-    alone = [str(s) for signals in found.alone for s in signals]
     if in_json:
-        content = {"same": True, "until": found.time, "signals": found.same, "alone": alone}
-        print(json.dumps(content, ensure_ascii=False))
+        content = {"same": True, "until": found.time, "signals": found.same, "alone": _names(found.alone)}
+        print(json.dumps(for_json({**content, "ends": list(found.ends)}), ensure_ascii=False))
         return
-    say(f"up to t = {found.time:g} s the runs are the same in all {found.same} signals that both have, to the bit")
-    if alone:
-        say(f"only one has {', '.join(alone)}")
+    begin = f"up to t = {found.time:g} s" if math.isfinite(found.time) else "with no communication point reached,"
+    say(f"{begin} the runs are the same in all {found.same} signals that both have, to the bit")
+    if found.ends[0]:
+        say(f"both end there: {found.ends[0]}")
+    if found.alone:
+        say(f"only one has {', '.join(_names(found.alone))}")
 
 
 def _show_fork(found: Fork, trail: Trail) -> None:
+    if not found.same:
+        say("the runs have no signal in common that could be compared")
+    for signal, kinds in found.unlike.items():
+        say(f"{signal} cannot be compared: {' → '.join(kinds)}")
     if not found.branches:
-        for name, end in zip("AB", found.ends, strict=True):
+        for name, end in zip("AB", found.ends, strict=True) if found.ends[0] != found.ends[1] else ():
             say(f"{name}: {end or 'comes to its end'}")
-        say("nothing differs before")
+        say(
+            f"nothing else differs up to t = {found.time:g} s"
+            if math.isfinite(found.time)
+            else "nothing else is reached"
+        )
         return
     step = f"after {found.step} step{'' if found.step == 1 else 's'}" if found.step else "at the start"
     say(f"the runs part at t = {found.time:g} s, {step}:")
@@ -136,7 +147,8 @@ def _as_json(found: Fork, trail: Trail, explained: Shares) -> dict[str, Any]:
         ],
         "metrics": {name: [value, explained.metrics[1][name]] for name, value in explained.metrics[0].items()},
         "shares": {share.key: share.changes for share in explained.shares},
-        "alone": [_names(signals) for signals in found.alone],
+        "alone": _names(found.alone),
+        "unlike": {str(signal): list(kinds) for signal, kinds in found.unlike.items()},
     }
 
 
