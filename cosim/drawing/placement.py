@@ -53,17 +53,17 @@ def box_width(box: Box) -> float:
     return max(110.0, head, (left + right) * SMALL + 34.0)
 
 
-def places(boxes: Mapping[str, Box], layers: Layers) -> Places:
-    """The places of all slots."""
+def places(boxes: Mapping[str, Box], layers: Layers, corner: tuple[float, float] = (0.0, 0.0)) -> Places:
+    """The places of all slots; corner: the upper left one of them all."""
     heights = {s: box_height(boxes[s]) + BETWEEN if isinstance(s, str) else PASSING for c in layers.columns for s in c}
     top = _ordered(layers, heights)
     width = [max((box_width(boxes[s]) for s in c if isinstance(s, str)), default=40.0) for c in layers.columns]
-    left = [0.0]
+    left = [corner[0]]
     for each in width:
         left.append(left[-1] + each + GAP)
     least = min(top.values(), default=0.0)
     column = {slot: k for k, slots in enumerate(layers.columns) for slot in slots}
-    return Places(left, width, {slot: y - least for slot, y in top.items()}, column)
+    return Places(left, width, {slot: y - least + corner[1] for slot, y in top.items()}, column)
 
 
 def _ordered(layers: Layers, heights: Mapping[Slot, float]) -> dict[Slot, float]:

@@ -72,29 +72,20 @@ def drawing(network: Network, changed: Sequence[str] = ()) -> Drawing:
     """A network as a picture. changed: the blocks that stand out."""
     found, wires = boxes(network, changed)
     arranged = layers(list(found), wires)
-    placed = placement.places(found, arranged)
-    bottom = max((placed.top[name] + box_height(box) for name, box in found.items()), default=0.0)
-    bottom = max([bottom, *(placed.top[s] + placement.PASSING for s in placed.top if not isinstance(s, str))])
     lanes = {source: k for k, source in enumerate(dict.fromkeys(wire.source for wire in arranged.back))}
     edge = MARGIN + (GAP / 2 if lanes else 0.0)
-    width = placed.left[-1] - GAP + 2 * edge
-    height = bottom + LANE * (len(lanes) + 1) * bool(lanes) + 2 * MARGIN
+    placed = placement.places(found, arranged, (edge, MARGIN))
+    heights = {s: box_height(found[s]) if isinstance(s, str) else placement.PASSING for s in placed.top}
+    bottom = max((top + heights[slot] for slot, top in placed.top.items()), default=0.0)
     shapes = [
         *_wires(arranged, placed, wires),
         *_back(arranged.back, placed, lanes, bottom),
         *(shape for box in found.values() for shape in _box(box, placed)),
     ]
+    width = placed.left[-1] - GAP + edge
+    height = bottom + LANE * (len(lanes) + 1) * bool(lanes) + MARGIN
     words = "; ".join(wire.tip for wire in wires)
-    return Drawing(
-        width, height, f"{network.diagram.title}: {words}", [_moved(shape, edge, MARGIN) for shape in shapes]
-    )
-
-
-def _moved(shape: Rectangle | Line | Word, x: float, y: float) -> Rectangle | Line | Word:
-    if isinstance(shape, Line):
-        points = tuple((u + x, v + y) for u, v in shape.points)
-        return Line(points, shape.colour, shape.arrow, shape.dashed, shape.tip)
-    return type(shape)(**{**vars(shape), "x": shape.x + x, "y": shape.y + y})
+    return Drawing(width, height, f"{network.diagram.title}: {words}", shapes)
 
 
 def _straight(*points: Point) -> tuple[Point, ...]:

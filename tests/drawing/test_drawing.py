@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -82,6 +82,29 @@ def test_every_port_that_is_wired_is_joined_and_all_is_within_the_picture(file):
     arrows = {shape.points[-1] for shape in made.shapes if isinstance(shape, shapes.Line) and shape.arrow}
     assert len(arrows) == len({w.target for w in wires}) == sum(len(box.inputs) for box in found.values())
     ElementTree.fromstring(svg.svg(made))  # noqa: S314  # of ours
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda p: p.stem)
+def test_words_in_a_row_of_a_box_lie_beside_each_other(file):
+    """By the width that a letter has in the mean."""
+    made = shapes.drawing(run.load(file))
+    rows: dict[tuple[float, float], list[tuple[float, float]]] = {}
+    for shape in made.shapes:
+        if isinstance(shape, shapes.Rectangle) and shape.fill != "none":
+            frame = shape  # in front of what was drawn before it
+        elif isinstance(shape, shapes.Word):
+            wide = len(shape.text) * placement.SMALL * shape.size / 9
+            begin = shape.x - {"start": 0.0, "middle": wide / 2, "end": wide}[shape.anchor]
+            assert frame.x < begin and begin + wide < frame.x + frame.width, shape
+            rows.setdefault((frame.x, shape.y), []).append((begin, begin + wide))
+    for row in rows.values():
+        assert all(a[1] < b[0] for a, b in pairwise(sorted(row)))
+
+
+def test_a_box_is_as_wide_as_its_longest_ports():
+    name, note = "b" * 20, "3×3 m/s^2"
+    box = boxes.Box("x", "block", "y", inputs=[boxes.BoxPort("a" * 20)], outputs=[boxes.BoxPort(name, note)])
+    assert placement.box_width(box) > (20 + 20 + 1) * placement.SMALL + len(note) * placement.SMALL * 7.5 / 9 + 2 * 6
 
 
 def test_a_wire_leads_back_to_what_the_file_names_first(network):
