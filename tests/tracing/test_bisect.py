@@ -76,6 +76,28 @@ def test_a_time_constant_acts_one_step_after_its_input_does(folder, capsys):
     assert found["shares"] == {"blocks.second.parameters.T": {"last": pytest.approx(change, rel=1e-12)}}
 
 
+def test_a_person_reads_the_signal_its_values_the_change_and_the_share(folder, capsys):
+    assert cli.main(["bisect", "lags.yaml", "--set", "blocks.second.parameters.T=0.4"]) == 1
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == "the runs part at t = 0.3 s, after 3 steps:"
+    assert lines[1].startswith("second.x 0.02") and "→" in lines[1]
+    assert lines[2] == "second: parameter T: 0.5 → 0.4"
+    assert any(line.startswith("last ") and line.endswith("blocks.second.parameters.T 100 %") for line in lines)
+
+
+def test_an_interrupt_of_a_run_is_one_of_the_command(folder, monkeypatch):
+    class Interrupted:
+        def __init__(self, network):
+            self.signal = 2
+
+        def execute(self):
+            return self
+
+    monkeypatch.setattr(shares, "Run", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        shares.shares(run.load("lags.yaml"), run.load("lags.yaml", ["blocks.second.parameters.T=0.4"]))
+
+
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel", "joint"])
 def test_what_is_changed_is_the_cause_under_every_method(folder, capsys, method):
     Path("other.yaml").write_text(LAGS.replace("step: 0.1", f"step: 0.1, method: {method}, integrator: rk4"))
@@ -147,7 +169,8 @@ def test_a_run_that_fails_where_the_other_does_not_is_told(folder, capsys):
     assert not found.branches and found.is_one
     assert found.ends[0] == "" and "full" in found.ends[1]
     assert cli.main(["bisect", "full.yaml", "--swap", "first=full.py:Filter"]) == 1
-    assert "ValueError: full" in "".join(capsys.readouterr())
+    out = capsys.readouterr().out
+    assert "A: comes to its end" in out and "B: block first: derivatives() failed" in out
 
 
 def test_a_run_that_fails_is_no_success_where_the_other_fails_alike(folder, capsys):

@@ -171,7 +171,7 @@ def test_line_by_line_it_goes_from_one_call_into_the_next(debug):
 def test_without_a_moment_it_stops_before_the_run_fails_and_then_where_it_does(debug):
     code, out = debug("c\np level > 0.75\nq\n")
     assert code == 1
-    assert "ValueError: it overflows" in out
+    assert out.count("ValueError: it overflows") == 2 and "filled.yaml:4:" in out  # beforehand, and as it happens
     assert f"tank.py({LINE + 1})derivatives()" in out
     assert "True" in out
 
@@ -205,6 +205,13 @@ def test_a_point_that_cannot_be_computed_is_computed_in_the_debugger(debug, T, w
     assert where in out
     assert f"late.py({1 + LATE[: LATE.index('            raise')].count(chr(10))})outputs()" in out
     assert "True" in out
+
+
+def test_an_fmu_cannot_change_the_engine_on_the_way(debug):
+    Path("gain.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks: {g: {block: Gain, start: {u: 1}}}\n")
+    assert cli.main(["export", "gain.yaml", "-o", "gain.fmu"]) == 0
+    code, out = debug("", "--swap", "g=gain.fmu", "--at", "0.5", diagram="gain.yaml")
+    assert code == 2 and "--swap g=TYPE" in out
 
 
 def test_a_run_that_fails_before_is_looked_at_there(debug):
