@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
@@ -13,6 +13,7 @@ from cosim.authoring.lowering.axis_sizes import Size
 from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.fingerprint.text import fingerprint
 from cosim.compiling.frame import INSTANCES, Frame, frame_of
+from cosim.compiling.tiles import LARGEST, MEMBERS, Part
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,9 @@ class KernelSource:
     """A function to be compiled: its symbol, how to get it as Python `(time, base, frame)`, what its code depends on.
 
     meaning: what it computes depends on, which its lines are no part of.
+
+    lanes: as Python `(time, tile, lane)` for one lane of a tile, with the tile's parts, where members of a fleet may be
+    done eight at a time; `build` is then `(time, base, frame, first, last)`, for some of the members.
 
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
     what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
@@ -34,18 +38,24 @@ class KernelSource:
     checked: bool = False
     place: str = ""
     who: str = ""
+    lanes: Callable[[], Callable[..., int]] | None = None
+    parts: tuple[Part, ...] = ()
 
 
-def block_source(declaration: Declaration, function: Function, constants: dict[str, int]) -> KernelSource:
-    """The kernel around one function of a block."""
-    text = adapter_text(declaration, function, constants)
+def block_source(
+    declaration: Declaration, function: Function, constants: dict[str, int], fleet: bool = False
+) -> KernelSource:
+    """The kernel around one function of a block. fleet: of several members, which may be done eight at a time."""
+    parts = _parts(declaration, function, constants) if fleet else ()
+    text = adapter_text(declaration, function, constants, tiled=bool(parts))
+    lane = lane_text(declaration, function, constants, parts) if parts else ""
     run = lowered(declaration, function)
     digest = fingerprint(function.python, lines=True) + (fingerprint(run.python, lines=True) if run.changed else "")
 
     def meaning() -> str:
-        return fingerprint(function.python) + (fingerprint(run.python) if run.changed else "") + text
+        return fingerprint(function.python) + (fingerprint(run.python) if run.changed else "") + text + lane
 
-    def build() -> Callable[..., int]:
+    def build(text: str = text) -> Callable[..., int]:
         from cosim.authoring import authors
         from cosim.compiling import arithmetic, intrinsics
 
@@ -57,10 +67,18 @@ def block_source(declaration: Declaration, function: Function, constants: dict[s
 
     # A block never reads what it writes in the same call: an input that its own output feeds is a copy.
     code = function.python.__code__
-    place = f"{code.co_filename}:{code.co_firstlineno}"
-    facts = digest + text + _declared(declaration, function)
-    who = f"{declaration.name}.{function.name}()"
-    return KernelSource(function.name, build, facts, meaning, disjoint=True, checked=True, place=place, who=who)
+    return KernelSource(
+        function.name,
+        build,
+        digest + text + lane + _declared(declaration, function),
+        meaning,
+        disjoint=True,
+        checked=True,
+        place=f"{code.co_filename}:{code.co_firstlineno}",
+        who=f"{declaration.name}.{function.name}()",
+        lanes=partial(build, lane) if parts else None,
+        parts=parts,
+    )
 
 
 def _declared(declaration: Declaration, function: Function) -> str:
@@ -69,13 +87,17 @@ def _declared(declaration: Declaration, function: Function) -> str:
     return repr((function.kind, sorted(function.writes), sorted(variables)))
 
 
-def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int]) -> str:
-    """KernelSource of the kernel around one function: frame -> arrays -> the author's function, for each instance."""
+def adapter_text(declaration: Declaration, function: Function, constants: dict[str, int], tiled: bool = False) -> str:
+    """Source of the kernel around one function: frame -> arrays -> the author's function, for each instance.
+
+    tiled: for the instances of a range, and with arrays of the type that those of a tile have, so that numba looks at
+    the function once.
+    """
     frame = frame_of(declaration, function, constants)
-    lines = ["def adapter(time, base, frame):"]
+    lines = [f"def adapter(time, base, frame{', first, last' if tiled else ''}):"]
     lines += [f"    {name}_size = size(frame[{word}])" for name, word in frame.dimensions.items()]
     lines += _temporaries(declaration, function, constants, frame)
-    lines += [f"    for k in range(frame[{INSTANCES}]):", "        instance(k)"]
+    lines += [f"    for k in range({'first, last' if tiled else f'frame[{INSTANCES}]'}):", "        instance(k)"]
     for argument, slot in frame.slots.items():
         variable = variable_of(declaration, argument)
         place = f"base, frame[{slot}] + k * frame[{slot + 1}]"
@@ -84,12 +106,50 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
             lines.append(f"        {argument}_ = widened(load_{kind}({place}))")
         else:
             sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
-            view = f"array(pointer_{kind}({place}), ({', '.join(sizes or ['1'])},))"
+            shape = f"({', '.join(sizes or ['1'])},)"
+            view = f"array(pointer_{kind}({place}), {shape})"
+            if tiled:
+                view = f"strided(pointer_{kind}({place}), {shape}, {variable.dtype.itemsize})"
             lines.append(f"        {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
+    return _called(lines, declaration, function, " " * 8)
+
+
+def _called(lines: list[str], declaration: Declaration, function: Function, indent: str) -> str:
     given = (*function.arguments, *(t.name for t in lowered(declaration, function).temporaries))
     call = ", ".join("time" if a == "time" else f"{a}_" for a in given)
-    lines += [f"        function({call})", "    return 0", ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, f"{indent}function({call})", "    return 0", ""])
+
+
+def lane_text(declaration: Declaration, function: Function, constants: dict[str, int], parts: tuple[Part, ...]) -> str:
+    """Source of the author's function for one lane of a tile."""
+    lines = ["def adapter(time, tile, lane):"]
+    arguments = [name for name in function.arguments if name != "time"]
+    for argument, part in zip(arguments, parts, strict=True):
+        variable = variable_of(declaration, argument)
+        place = f"tile, {part.offset} + lane * {part.itemsize}"
+        if is_scalar(variable, function, argument):
+            lines.append(f"    {argument}_ = widened(load_{part.kind}({place}))")
+        else:
+            sizes = [str(constants.get(d, d)) for d in variable.shape]  # type: ignore[call-overload]  # numbers too
+            shape, step = f"({', '.join(sizes or ['1'])},)", MEMBERS * part.itemsize
+            view = f"strided(pointer_{part.kind}({place}), {shape}, {step})"
+            lines.append(f"    {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
+    return _called(lines, declaration, function, " " * 4)
+
+
+def _parts(declaration: Declaration, function: Function, constants: dict[str, int]) -> tuple[Part, ...]:
+    """The arguments of a function in a tile; none where sizes are not known, or the function needs memory of its own."""
+    frame = frame_of(declaration, function, constants)
+    if frame.dimensions or lowered(declaration, function).temporaries:
+        return ()
+    parts = list[Part]()
+    for argument, slot in frame.slots.items():
+        variable = variable_of(declaration, argument)
+        elements = math.prod(constants[d] if isinstance(d, str) else d for d in variable.shape)
+        begin = parts[-1].end if parts else 0
+        kind, written = variable.dtype, argument in function.writes
+        parts.append(Part(kind.name, kind.itemsize, elements, begin, slot, written))
+    return tuple(parts) if sum(p.elements for p in parts) <= LARGEST else ()
 
 
 def _temporaries(

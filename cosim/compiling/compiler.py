@@ -7,13 +7,14 @@ was never run, so that the same text can become object code for this machine and
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 
 from cosim.errors import CosimError, KernelError, Problems
+from cosim.compiling import tiles
 from cosim.machine import object_code
 
 if TYPE_CHECKING:
@@ -35,7 +36,22 @@ def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
     """
     triple, cpu, features = object_code.host()
     sources = tuple(sources)
-    return emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
+    ir = _in_tiles(compile_ir(name, sources), [s for s in sources if s.lanes], name)
+    return emit(ir, triple, cpu, features, [s.symbol for s in sources], name)
+
+
+def _in_tiles(ir: str, sources: Sequence[KernelSource], name: str) -> str:
+    """The IR with the kernels of fleets, which do eight members at a time where that is worth it."""
+    if not sources:
+        return ir
+    _, alone = _optimised(ir, *object_code.host(), [f"{s.symbol}.member" for s in sources], name, vectors=False, unrolled=True)
+    worthy = [s for s in sources if tiles.worth(alone, s.symbol)]
+    for source in sources:
+        ir = ir.replace(f"define i32 @{source.symbol}.member(", f"define internal i32 @{source.symbol}.alone(")
+    module = llvm.parse_assembly(ir + "".join(tiles.one_by_one(s.symbol) for s in sources if s not in worthy))
+    if worthy:
+        module.link_in(llvm.parse_assembly(tiles.kernels(str(alone), {s.symbol: s.parts for s in worthy})))
+    return str(module)
 
 
 def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
@@ -62,11 +78,23 @@ def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
             problems.attempt(compile_object, name, good)  # what is wrong with the others
         problems.raise_one_or_all()
     linked = _powers_of_c(str(library.linked()))
-    return linked + "".join(_SHIM.format(symbol=s.symbol) for s in sources)
+    return linked + "".join(map(_shims, sources))
 
 
 def _add(source: KernelSource, library: Any) -> None:
     """Compile a source into a library of numba's. Raises: CosimError, and whatever the compiler does."""
+    from numba import types
+
+    base, frame, word = types.CPointer(types.uint8), types.CPointer(types.int64), types.int64
+    if source.lanes is None:
+        _compile(source, source.build(), (types.float64, base, frame), f"{source.symbol}.numba", library)
+        return
+    _compile(source, source.build(), (types.float64, base, frame, word, word), f"{source.symbol}.numba", library)
+    _compile(source, source.lanes(), (types.float64, base, word), f"{source.symbol}.member.numba", library)
+
+
+def _compile(source: KernelSource, adapter: Any, arguments: tuple[Any, ...], symbol: str, library: Any) -> None:
+    """Compile an adapter of a source under a symbol."""
     from numba import types
     from numba.core.compiler import Compiler, Flags, compile_extra
 
@@ -76,21 +104,20 @@ def _add(source: KernelSource, library: Any) -> None:
     flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.nrt = True
     flags.error_model = "numpy"
     flags.noalias, flags.boundscheck = source.disjoint, source.checked
-    adapter = helpers.with_compiled_globals(source.build(), source.disjoint, source.checked)
     target = helpers.target()
     with arithmetic.wrapping() if source.checked else nullcontext():
         result = compile_extra(
             target.typing_context,
             target.target_context,
-            adapter,
-            (types.float64, types.CPointer(types.uint8), types.CPointer(types.int64)),
+            helpers.with_compiled_globals(adapter, source.disjoint, source.checked),
+            arguments,
             types.int32,
             flags,
             locals={},
             library=library,
             pipeline_class=checks.Compiler if source.checked else Compiler,
         )
-    library.get_function(result.fndesc.llvm_func_name).name = f"{source.symbol}.numba"
+    library.get_function(result.fndesc.llvm_func_name).name = symbol
 
 
 def _powers_of_c(ir: str) -> str:
@@ -114,9 +141,9 @@ define void @NRT_decref(ptr %object) alwaysinline { ret void }
 #: numba returns through pointers and reports an exception by its return value; the kernel ABI wants a status. A fault
 #: is written to the frame, of which the function itself sees no word before the instances; its last word is the time.
 _SHIM = """
-define i32 @{symbol}(double %time, ptr %base, ptr %frame) {{
+define i32 @{symbol}(double %time, ptr %base, ptr %frame{range}) {{
   %result = alloca i32
-  %raised = call i32 @{symbol}.numba(ptr %result, ptr %frame, double %time, ptr %base, ptr %frame)
+  %raised = call i32 @{made}(ptr %result, ptr %frame, double %time, ptr %base, ptr %frame{range})
   %ok = icmp eq i32 %raised, 0
   br i1 %ok, label %returned, label %failed
 returned:
@@ -130,23 +157,31 @@ failed:
 """
 
 
+def _shims(source: KernelSource) -> str:
+    symbol, made = source.symbol, f"{source.symbol}.numba"
+    if source.lanes is None:
+        return _SHIM.format(symbol=symbol, made=made, range="")
+    some = _SHIM.format(symbol=f"{symbol}.range", made=made, range=", i64 %first, i64 %last")
+    return some + tiles.MEMBER.format(symbol=symbol)
+
+
 def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str) -> bytes:
     """Optimised object code of an IR text for any triple; all symbols but `keep` become private.
 
     Raises: KernelError where the code needs more than the C library, with the missing symbol's name.
     """
-    machine, module = _optimised(ir, triple, cpu, features, keep, name, vectors=True)
+    machine, module = _optimised(ir, triple, cpu, features, keep, name, vectors=True, unrolled=True)
     compiled: bytes = machine.emit_object(module)
     return compiled
 
 
 def plain_ir(ir: str, triple: str, cpu: str, keep: Iterable[str], name: str) -> str:
     """The same, as IR of scalars, which is shorter, and computes the same numbers. Raises: KernelError."""
-    return str(_optimised(ir, triple, cpu, "", keep, name, vectors=False)[1])
+    return str(_optimised(ir, triple, cpu, "", keep, name, vectors=False, unrolled=False)[1])
 
 
 def _optimised(
-    ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str, vectors: bool
+    ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str, vectors: bool, unrolled: bool
 ) -> tuple[Any, Any]:
     """LLVM's machine for a triple, and the optimised module. vectors: and unrolled loops."""
     llvm.initialize_all_targets()
@@ -161,8 +196,9 @@ def _optimised(
         if not value.is_declaration and value.name not in kept:
             value.linkage = "internal"
             value.visibility = "default"
-    tuning = llvm.create_pipeline_tuning_options(speed_level=3 if vectors else 2)
-    tuning.loop_vectorization = tuning.slp_vectorization = tuning.loop_unrolling = vectors
+    tuning = llvm.create_pipeline_tuning_options(speed_level=3 if unrolled else 2)
+    tuning.loop_vectorization = tuning.slp_vectorization = vectors
+    tuning.loop_unrolling = unrolled
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
     _refuse_foreign(module, name)

@@ -12,6 +12,7 @@ from llvmlite import ir
 from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np import arrayobj
 
 array = carray
 BYTES = types.CPointer(types.uint8)
@@ -96,6 +97,26 @@ def size(context: Any, size: Any) -> Any:
 def read_only(context: Any, array: Any) -> Any:
     """The array, of a type for which numba refuses what writes to it, also through views and helpers."""
     return array.copy(readonly=True)(array), lambda context, builder, signature, arguments: arguments[0]
+
+
+@intrinsic
+def strided(context: Any, pointer: Any, shape: Any, step: Any) -> Any:
+    """An array whose elements are so many bytes apart, from a pointer on."""
+    kind = types.Array(pointer.dtype, len(shape), "A")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data, sizes, step = arguments
+        word, lengths = ir.IntType(64), cgutils.unpack_tuple(builder, sizes, len(shape))
+        strides = [step]
+        for size in reversed(lengths[1:]):
+            strides.insert(0, builder.mul(strides[0], size))
+        view = arrayobj.make_array(kind)(context, builder)
+        itemsize = word(context.get_abi_sizeof(context.get_data_type(pointer.dtype)))
+        data = builder.bitcast(data, context.get_data_type(pointer.dtype).as_pointer())
+        arrayobj.populate_array(view, data=data, shape=lengths, strides=strides, itemsize=itemsize, meminfo=None)
+        return view._getvalue()
+
+    return kind(pointer, shape, types.int64), generate
 
 
 @intrinsic

@@ -116,10 +116,13 @@ def _key(parts: Iterable[str]) -> str:
     return hashlib.sha256(json.dumps([*parts, *machine]).encode()).hexdigest()[:24]
 
 
-def block_module(declaration: Declaration, constants: dict[str, int]) -> Module:
-    """The kernels of a block type, one symbol a function. constants: the dimensions that are part of the code."""
+def block_module(declaration: Declaration, constants: dict[str, int], fleet: bool = False) -> Module:
+    """The kernels of a block type, one symbol a function. constants: the dimensions that are part of the code.
+
+    fleet: of members that are worth a tile, see `cosim.compiling.tiles`.
+    """
     name = f"{declaration.name}-" + "-".join(f"{k}{v}" for k, v in constants.items())
-    sources = [block_source(declaration, function, constants) for function in declaration.functions]
+    sources = [block_source(declaration, function, constants, fleet) for function in declaration.functions]
     return module(name.rstrip("-"), sources)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from cosim.compiling import kernels
 from cosim.compiling.kernels import Kernels
+from cosim.compiling.tiles import LEAST
 from cosim.engine import loop_code
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
@@ -22,7 +23,7 @@ def compile_program(program: Program) -> Kernels:
     problems = Problems()
     with loop_code.compiled_beside() as loop:
         for name, component in program.network.components.items():
-            key = (id(component.declaration), *component.constants().items())
+            key = (id(component.declaration), component.count >= LEAST, *component.constants().items())
             if key not in made:
                 made[key] = _module(component, problems)
             modules[name] = made[key]
@@ -37,7 +38,7 @@ def _module(component: Component, problems: Problems) -> kernels.Module | None:
     if not component.declaration.compiled:
         return None
     try:
-        return kernels.block_module(component.declaration, component.constants())
+        return kernels.block_module(component.declaration, component.constants(), component.count >= LEAST)
     except (KernelError, DeclarationError, DiagramErrors) as error:
         for mistake in error.each:
             place = mistake.position or component.entry.type.position

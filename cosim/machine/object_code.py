@@ -16,9 +16,14 @@ def _prepare() -> None:
 
 @cache
 def host() -> tuple[str, str, str]:
-    """Triple, processor and features of this machine, as LLVM names them."""
+    """Triple, processor and features of this machine, as LLVM names them.
+
+    Vectors are as wide as the processor has them: LLVM takes half of that on some, as others' code would run slower.
+    """
     _prepare()
-    return llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    features = llvm.get_host_cpu_features()
+    wide = ",-prefer-256-bit" if "avx512f" in features else ""
+    return llvm.get_process_triple(), llvm.get_host_cpu_name(), features.flatten() + wide
 
 
 class Library:
