@@ -6,27 +6,19 @@ was never run, so that the same text can become object code for this machine and
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 
-from cosim.errors import CosimError, KernelError, Problems
-from cosim.compiling import tiles
+from cosim.compiling import emission, tiles
+from cosim.compiling.plain_math import definitions
+from cosim.errors import CosimError, Problems
 from cosim.machine import object_code
 
 if TYPE_CHECKING:
     from cosim.compiling.adapters import KernelSource
-
-#: Functions of the C library that object code may call; anything else would need a run time of numba's.
-_LIBC = (
-    "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10 log1p pow sqrt "
-    "cbrt hypot floor ceil trunc rint round fabs fmod erf erfc tgamma lgamma ldexp frexp fma fmin fmax sincos memset "
-    "memcpy memmove nearbyint copysign modf snprintf vsnprintf strncpy write"
-)
-LIBC = frozenset(_LIBC.split())
 
 
 def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
@@ -36,26 +28,12 @@ def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
     """
     triple, cpu, features = object_code.host()
     sources = tuple(sources)
-    ir = _in_tiles(compile_ir(name, sources), [s for s in sources if s.lanes], name)
-    return emit(ir, triple, cpu, features, [s.symbol for s in sources], name)
-
-
-def _in_tiles(ir: str, sources: Sequence[KernelSource], name: str) -> str:
-    """The IR with the kernels of fleets, which do eight members at a time where that is worth it."""
-    if not sources:
-        return ir
-    _, alone = _optimised(ir, *object_code.host(), [f"{s.symbol}.member" for s in sources], name, vectors=False, unrolled=True)
-    worthy = [s for s in sources if tiles.worth(alone, s.symbol)]
-    for source in sources:
-        ir = ir.replace(f"define i32 @{source.symbol}.member(", f"define internal i32 @{source.symbol}.alone(")
-    module = llvm.parse_assembly(ir + "".join(tiles.one_by_one(s.symbol) for s in sources if s not in worthy))
-    if worthy:
-        module.link_in(llvm.parse_assembly(tiles.kernels(str(alone), {s.symbol: s.parts for s in worthy})))
-    return str(module)
+    return emission.emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
 
 
 def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
     """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: as `compile_object`."""
+    sources = tuple(sources)
     from numba.core.compiler_lock import global_compiler_lock
 
     from cosim.compiling import checks, helpers
@@ -77,8 +55,8 @@ def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
         if good:
             problems.attempt(compile_object, name, good)  # what is wrong with the others
         problems.raise_one_or_all()
-    linked = _powers_of_c(str(library.linked()))
-    return linked + "".join(map(_shims, sources))
+    ir = definitions.renamed(str(library.linked())) + "".join(map(_shims, sources))
+    return definitions.with_definitions(tiles.in_tiles(ir, [s for s in sources if s.lanes], name))
 
 
 def _add(source: KernelSource, library: Any) -> None:
@@ -120,18 +98,6 @@ def _compile(source: KernelSource, adapter: Any, arguments: tuple[Any, ...], sym
     library.get_function(result.fndesc.llvm_func_name).name = symbol
 
 
-def _powers_of_c(ir: str) -> str:
-    """The IR with powers as the C library computes them, as the interpreter asks it to.
-
-    LLVM makes a root of `x**0.5`, a product of `x**2.0` and an exp2 of `2.0**x`, which differ in the last bit, wherever
-    it sees the constant.
-    """
-    called = ir.replace("@llvm.pow.f64(", "@pow(")
-    return re.sub(r"^declare double @pow\(.*$", _POW, called, flags=re.MULTILINE)
-
-
-_POW = "declare double @pow(double, double) nobuiltin nocallback nofree nosync nounwind willreturn memory(none)"
-
 #: numba's array views are typed with a reference count; those that kernels see own nothing.
 _NO_REFERENCE_COUNTS = """
 define void @NRT_incref(ptr %object) alwaysinline { ret void }
@@ -163,55 +129,6 @@ def _shims(source: KernelSource) -> str:
         return _SHIM.format(symbol=symbol, made=made, range="")
     some = _SHIM.format(symbol=f"{symbol}.range", made=made, range=", i64 %first, i64 %last")
     return some + tiles.MEMBER.format(symbol=symbol)
-
-
-def emit(ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str) -> bytes:
-    """Optimised object code of an IR text for any triple; all symbols but `keep` become private.
-
-    Raises: KernelError where the code needs more than the C library, with the missing symbol's name.
-    """
-    machine, module = _optimised(ir, triple, cpu, features, keep, name, vectors=True, unrolled=True)
-    compiled: bytes = machine.emit_object(module)
-    return compiled
-
-
-def plain_ir(ir: str, triple: str, cpu: str, keep: Iterable[str], name: str) -> str:
-    """The same, as IR of scalars, which is shorter, and computes the same numbers. Raises: KernelError."""
-    return str(_optimised(ir, triple, cpu, "", keep, name, vectors=False, unrolled=False)[1])
-
-
-def _optimised(
-    ir: str, triple: str, cpu: str, features: str, keep: Iterable[str], name: str, vectors: bool, unrolled: bool
-) -> tuple[Any, Any]:
-    """LLVM's machine for a triple, and the optimised module. vectors: and unrolled loops."""
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    llvm.initialize_native_asmparser()
-    target = llvm.Target.from_triple(triple)
-    machine = target.create_target_machine(cpu=cpu, features=features, opt=3, reloc="pic", codemodel="default")
-    ir = re.sub(r"^target (triple|datalayout) = .*$", "", ir, flags=re.MULTILINE)
-    module = llvm.parse_assembly(f'target datalayout = "{machine.target_data}"\ntarget triple = "{triple}"\n{ir}')
-    kept = set(keep)
-    for value in (*module.functions, *module.global_variables):
-        if not value.is_declaration and value.name not in kept:
-            value.linkage = "internal"
-            value.visibility = "default"
-    tuning = llvm.create_pipeline_tuning_options(speed_level=3 if unrolled else 2)
-    tuning.loop_vectorization = tuning.slp_vectorization = vectors
-    tuning.loop_unrolling = unrolled
-    builder = llvm.create_pass_builder(machine, tuning)
-    builder.getModulePassManager().run(module, builder)
-    _refuse_foreign(module, name)
-    return machine, module
-
-
-def _refuse_foreign(module: Any, name: str) -> None:
-    """What authors may write leads to nothing else; this makes sure of it. Raises: KernelError."""
-    undefined = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
-    foreign = sorted(n for n in undefined if not n.startswith("llvm.") and n not in LIBC)
-    if foreign:
-        fix = "write it with loops and `math`, or declare the class with `compiled=False`"
-        raise KernelError(f"{name} cannot be compiled: it needs `{foreign[0]}`, which the C library lacks", fix=fix)
 
 
 def _explain(error: Exception, source: KernelSource, name: str) -> CosimError:

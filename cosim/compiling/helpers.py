@@ -50,7 +50,7 @@ def target() -> Target:
 
 @contextmanager
 def unoptimised() -> Iterator[None]:
-    """Keep numba from optimising what `cosim.compiling.compiler.emit` optimises anyway. Needs numba's compiler lock.
+    """Keep numba from optimising what `cosim.compiling.emission.emit` optimises anyway. Needs numba's compiler lock.
 
     Garbage is not collected meanwhile: numba's graphs of objects are large, and there is none among them.
     """

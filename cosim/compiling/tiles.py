@@ -15,11 +15,17 @@ import re
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 
+from cosim.compiling import emission
 from cosim.compiling.frame import INSTANCES
+from cosim.compiling.plain_math import definitions
+from cosim.machine import object_code
+
+if TYPE_CHECKING:
+    from cosim.compiling.adapters import KernelSource
 
 MEMBERS = 8
 LEAST = 3  # members that are worth a tile
@@ -49,6 +55,24 @@ class Part:
         return self.offset + -(-self.elements * MEMBERS * self.itemsize // 64) * 64
 
 
+def in_tiles(ir: str, sources: Sequence[KernelSource], name: str) -> str:
+    """A module with the kernels of sources whose members may be done in tiles, and are where that is worth it."""
+    if not sources:
+        return ir
+    lanes = emission.scalars(
+        definitions.with_declarations(ir), *object_code.host(), [f"{s.symbol}.member" for s in sources]
+    )
+    worthy = [s for s in sources if worth(lanes, s.symbol)]
+    for source in sources:
+        ir = ir.replace(f"define i32 @{source.symbol}.member(", f"define internal i32 @{source.symbol}.alone(")
+    module = llvm.parse_assembly(
+        definitions.with_declarations(ir) + "".join(one_by_one(s.symbol) for s in sources if s not in worthy)
+    )
+    if worthy:
+        module.link_in(llvm.parse_assembly(kernels(str(lanes), {s.symbol: s.parts for s in worthy})))
+    return str(module)
+
+
 def worth(module: Any, symbol: str) -> bool:
     """Whether the function of one lane, optimised, goes straight on, cannot fail, and computes an elementary function.
 
@@ -68,7 +92,7 @@ def worth(module: Any, symbol: str) -> bool:
         TopologicalSorter(ways).prepare()
     except CycleError:
         return False
-    elementary = {name for name in called if name.startswith(("cosim_", "llvm.sin.", "llvm.cos.", "llvm.exp.", "tanh"))}
+    elementary = {name for name in called if name.startswith("cosim_")}
     return bool(elementary) and all(name.startswith("llvm.") for name in called - elementary)
 
 
@@ -164,16 +188,12 @@ def kernels(lanes: str, parts: Mapping[str, Sequence[Part]]) -> str:
     texts = [_kernel(symbol, parts[symbol]) for symbol in parts]
     for kind in _KINDS.values():
         short, vector, mask = _SHORT.get(kind, kind), f"<{MEMBERS} x {kind}>", f"<{MEMBERS} x i1>"
-        pair = (f"declare {vector} @llvm.masked.load.v{MEMBERS}{short}.p0(ptr, i32, {mask}, {vector})",
-        f"declare void @llvm.masked.store.v{MEMBERS}{short}.p0({vector}, ptr, i32, {mask})")
+        pair = (
+            f"declare {vector} @llvm.masked.load.v{MEMBERS}{short}.p0(ptr, i32, {mask}, {vector})",
+            f"declare void @llvm.masked.store.v{MEMBERS}{short}.p0({vector}, ptr, i32, {mask})",
+        )
         declared += [d for d in pair if d not in declared]
-    return "\n".join([ir, *declared, *map(_lane_of, called), *texts, _METADATA])
-
-
-def _lane_of(name: str) -> str:
-    if name not in ("exp", "sin", "cos", "tanh"):
-        return f"define internal double @cosim_{name}_lane(ptr %outside, double %x) alwaysinline {{\n %y = call double @{name}(double %x)\n ret double %y\n}}\n"
-    return f"declare double @cosim_{name}_core(double)\ndefine internal double @cosim_{name}_lane(ptr %outside, double %x) alwaysinline {{\n %y = call double @cosim_{name}_core(double %x)\n ret double %y\n}}\n"
+    return "\n".join([ir, *declared, *(definitions.lane(name, _GROUP) for name in called), *texts, _METADATA])
 
 
 def _kernel(symbol: str, parts: Sequence[Part]) -> str:
@@ -313,7 +333,6 @@ def _parallel(ir: str) -> str:
         if re.match(r"\s+(%\S+ = load|store) ", line):
             line += f", !llvm.access.group {_GROUP}"
         elif " call " in line:
-            line = re.sub(r"@(?:llvm\.)?(sin|cos|exp|tanh|pow)(?:\.f64)?\(", r"@cosim_\1(", line)
             line = re.sub(r"@(cosim_\w+)\(", r"@\1_lane(ptr %outside, ", line).replace("@sqrt(", "@llvm.sqrt.f64(")
         lines.append(line)
     return re.sub(r"^target .*$", "", "\n".join(lines), flags=re.MULTILINE)

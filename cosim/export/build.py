@@ -128,23 +128,23 @@ class KernelCode:
 
     def _object(self, unit: CodeUnit, platform: Platform) -> bytes:
         def made() -> bytes:
-            from cosim.compiling import compiler
+            from cosim.compiling import emission
 
             ir, symbols = self._ir_of(unit), [s.symbol for s in unit.sources]
             for symbol in symbols:
                 ir = ir.replace(f"define i32 @{symbol}(", f"define hidden i32 @{symbol}(")
-            return compiler.emit(ir, platform.triple, platform.cpu, "", symbols, unit.name)
+            return emission.emit(ir, platform.triple, platform.cpu, "", symbols, unit.name)
 
         return _cached(unit, f"fmu-{platform.name}", [platform.triple, platform.cpu], made)
 
     def _text(self, unit: CodeUnit) -> str:
         def made() -> bytes:
-            from cosim.compiling import compiler
+            from cosim.compiling import emission
 
             symbols = [s.symbol for s in unit.sources]
             platform = PLATFORMS["linux-x86_64"]  # of its properties, byte order and the size of addresses come in
             try:
-                ir = compiler.plain_ir(self._ir_of(unit), platform.triple, platform.cpu, symbols, unit.name)
+                ir = emission.plain_ir(self._ir_of(unit), platform.triple, platform.cpu, symbols, unit.name)
                 return translate(ir, unit.name, symbols).encode()
             except Untranslatable as error:
                 message = f"there is no C for {unit.sources[0].who or unit.name}: {error}"

@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from cosim.compiling import compiler
+from cosim.compiling import emission
 from cosim.machine import object_code
 
 ENTRIES, ENTRY_BYTES, TEXT_BYTES = 16, 512, 504  # an entry is a status word and a text
@@ -161,7 +161,7 @@ def _library() -> object_code.Library:
         load="%given = load ptr, ptr %list" if by_pointer else "",
         arguments="%given" if by_pointer else "%list",
     )
-    return object_code.Library(compiler.emit(ir, triple, cpu, features, ("log2", "log3"), "logger"))
+    return object_code.Library(emission.emit(ir, triple, cpu, features, ("log2", "log3"), "logger"))
 
 
 def logger(version: int) -> int:

@@ -15,7 +15,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import pytest
 
-from cosim.compiling import compiler
+from cosim.compiling import emission
 from cosim.export import sources
 from cosim.export.c_code.c_translation import translate
 from cosim.export.c_code.llvm_reader import Untranslatable, read
@@ -249,7 +249,7 @@ def module():
 def oracle(module):
     """LLVM's object code."""
     names = [f"probe{k}" for k in range(len(CASES))]
-    return object_code.Library(compiler.emit(module, *object_code.host(), names, "probes"))
+    return object_code.Library(emission.emit(module, *object_code.host(), names, "probes"))
 
 
 @pytest.fixture(scope="module", params=COMPILERS)

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from cosim.compiling.interpreted.arrays import array_view
-from cosim.compiling.interpreted.numbers import number, truth
+from cosim.compiling.interpreted.numbers import exponent, number, truth
 from cosim.compiling.interpreted.stand_ins import BUILTINS, MATH, STANDING, elementwise
-from cosim.compiling.interpreted.truth_values import TRUTH, counting
+from cosim.compiling.interpreted.truth_values import EXPONENT, TRUTH, counting
 
 _functions: dict[int, tuple[Any, Callable[..., Any]]] = {}
 
@@ -29,7 +29,7 @@ def interpreted(python: Callable[..., Any]) -> Callable[..., Any]:
         return _functions[id(python)][1]
     assert isinstance(python, types.FunctionType)
     scope: dict[str, Any] = {
-        "__builtins__": vars(builtins) | BUILTINS | {TRUTH: truth},
+        "__builtins__": vars(builtins) | BUILTINS | {TRUTH: truth, EXPONENT: exponent},
         "__name__": python.__module__,
     }
     cells = tuple(types.CellType() for _ in python.__closure__ or ())

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cosim.compiling.interpreted.libm import of_c
+from cosim.compiling.interpreted.libm import as_compiled
 
 _SIGN, _MODULUS = 1 << 63, 1 << 64
 _REPEATED = 0x10000  # up to this exponent, an integer power is a repeated product
@@ -40,6 +40,11 @@ def truth(value: Any) -> Any:
     return Truth(value) if isinstance(value, (bool, np.bool_)) else value
 
 
+def exponent(value: Any) -> Any:
+    """What stands behind `**`: a real number there computes the power itself, as numpy would ask the C library."""
+    return _Exponent(value) if isinstance(value, float) else value
+
+
 def plain(value: Any) -> Any:
     """A number as numpy knows it."""
     return int(value) if isinstance(value, Integer) else value
@@ -64,7 +69,7 @@ class Integer(int):
 
     def __pow__(self, other: Any, modulus: Any = None) -> Any:
         if isinstance(other, float):
-            return np.float64(of_c("pow", 2)(float(self), float(other)))
+            return np.float64(as_compiled("pow", 2)(float(self), float(other)))
         if not 0 <= other <= _REPEATED:
             raise ValueError(f"an integer to a power below 0 or above {_REPEATED}")
         return _wrapped(pow(int(self), int(other), _MODULUS))
@@ -109,6 +114,13 @@ class Integer(int):
     __hash__ = int.__hash__
 
 
+class _Exponent(np.float64):
+    """A real number, to whose power others are raised as kernels do."""
+
+    def __rpow__(self, base: Any) -> Any:  # type: ignore[override]  # numpy's gives complex numbers, too
+        return np.float64(as_compiled("pow", 2)(float(base), float(self)))
+
+
 class Truth(Integer):
     """A truth value, which counts as 0 or 1: what `bool` is to interpreted functions."""
 
@@ -136,7 +148,7 @@ def _power(base: np.float64, exponent: int) -> np.float64:
         raise ZeroDivisionError("0.0 to a negative integer power")
     left = abs(int(exponent))
     if left > _REPEATED:
-        return np.float64(of_c("pow", 2)(base, float(exponent)))
+        return np.float64(as_compiled("pow", 2)(base, float(exponent)))
     result, factor = np.float64(1.0), base
     while left:
         if left & 1:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.compiling.interpreted.libm import of_c
+from cosim.compiling.interpreted.libm import as_compiled
 from cosim.compiling.interpreted.numbers import Integer, Truth, checked, number, plain, truth
 
 _ONE = (
@@ -30,8 +30,8 @@ class _Int64(np.int64):
         return Integer(value)
 
 
-def _of_c(name: str, arguments: int) -> Callable[..., Any]:
-    function = of_c(name, arguments)
+def _real(name: str, arguments: int) -> Callable[..., Any]:
+    function = as_compiled(name, arguments)
     return lambda *values: np.float64(function(*map(float, values)))
 
 
@@ -106,8 +106,8 @@ BUILTINS = {
     "max": _extreme(max),
     "len": lambda value: checked(len(value)),
 }
-MATH: dict[str, Any] = {name: _of_c(name, 1) for name in _ONE}
-MATH |= {name: _of_c(name, 2) for name in _TWO}
+MATH: dict[str, Any] = {name: _real(name, 1) for name in _ONE}
+MATH |= {name: _real(name, 2) for name in _TWO}
 MATH |= {name: _to_integer(getattr(math, name)) for name in ("floor", "ceil", "trunc")}
 MATH |= {name: _judged(getattr(math, name)) for name in ("isnan", "isinf", "isfinite")}
 MATH |= {name: np.float64(getattr(math, name)) for name in ("pi", "e", "tau", "inf", "nan")}

@@ -1,0 +1,86 @@
+"""Sine and cosine: x = n pi/2 + r, with |r| <= pi/4 in two parts.
+
+The polynomials, and how far pi/2 is taken apart, are those of fdlibm (Sun Microsystems, 1993).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cosim.compiling.plain_math.operations import ROUND, SIGN, bits, polynomial, real, select
+from cosim.compiling.plain_math.wide_angles import quarters
+
+#: Below this, 2^19 pi/2, n has so few digits that its products with the first two parts of pi/2 are exact.
+_NEAR = 823549.0
+_PER_QUARTER = 6.36619772367581382433e-01  # 2 / pi
+#: pi/2: three parts of 33 bits each, and the rest.
+_QUARTER = (
+    1.57079632673412561417e00,
+    6.07710050630396597660e-11,
+    2.02226624871116645580e-21,
+    8.47842766036889956997e-32,
+)
+_SINE = (
+    *(8.33333333332248946124e-03, -1.98412698298579493134e-04, 2.75573137070700676789e-06),
+    *(-2.50507602534068634195e-08, 1.58969099521155010221e-10),
+)
+_COSINE = (
+    *(4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05),
+    *(-2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11),
+)
+
+
+def outside(x: Any) -> Any:
+    """Whether `sin` and `cos` are wrong, as x is too large, and `wide_sin` and `wide_cos` are right."""
+    return (abs(x) < _NEAR) ^ True
+
+
+def sin(x: Any) -> Any:
+    """The sine of x, within 0.77 ulp."""
+    return select(x == 0.0, x, _of_quarter(*_reduced(x)))
+
+
+def cos(x: Any) -> Any:
+    """The cosine of x, within 0.77 ulp."""
+    n, r, tail = _reduced(x)
+    return _of_quarter(n + 1, r, tail)
+
+
+def wide_sin(x: Any) -> Any:
+    """The sine of a large x, within 0.77 ulp; of an infinite one NaN."""
+    return select(abs(x) < math.inf, _of_quarter(*quarters(x)), math.nan)
+
+
+def wide_cos(x: Any) -> Any:
+    """The cosine of a large x, within 0.77 ulp; of an infinite one NaN."""
+    n, r, tail = quarters(x)
+    return select(abs(x) < math.inf, _of_quarter(n + 1, r, tail), math.nan)
+
+
+def _reduced(x: Any) -> tuple[Any, Any, Any]:
+    """An integer that is n modulo 4, and r as the sum of two."""
+    shifted = x * _PER_QUARTER + ROUND
+    n = shifted - ROUND
+    a, b = x - n * _QUARTER[0], n * _QUARTER[1]
+    s = a - b
+    v = s - a
+    rest = (a - (s - v)) - (b + v)
+    c = n * _QUARTER[2]
+    t = s - c
+    v = t - s
+    tail = (rest + ((s - (t - v)) - (c + v))) - n * _QUARTER[3]
+    r = t + tail
+    return bits(shifted), r, (t - r) + tail
+
+
+def _of_quarter(n: Any, r: Any, tail: Any) -> Any:
+    """The sine of n pi/2 + r + tail."""
+    z = r * r
+    cube = z * r
+    sine = r - ((z * (0.5 * tail - cube * polynomial(z, _SINE)) - tail) - cube * -1.66666666666666324348e-01)
+    half = 0.5 * z
+    w = 1.0 - half
+    cosine = w + (((1.0 - w) - half) + (z * (z * polynomial(z, _COSINE)) - r * tail))
+    y = select((n & 1) == 0, sine, cosine)
+    return real(bits(y) ^ ((n << 62) & SIGN))
