@@ -5,7 +5,6 @@ import math
 from numpy.typing import NDArray
 
 from cosim import Block, CalculatedParameter, Input, Local, Output, Parameter, State, condition, rule
-from cosim.blocks.geometric_row import equal_spacing, geometric_row
 from cosim.blocks.radial_basis import activations, weighted_sum
 from cosim.blocks.signed_power import common_root, signed_powers
 from cosim.blocks.stability_conditions import network_covers_run, observer_region, observer_stable
@@ -52,8 +51,6 @@ class NeuralObserver(Block):
     centres = Parameter("neurons", default=(-2, -1, 0, 1, 2, 3, 4, 5), description="d_j = centre_j [1, …, 1]")
     width = Parameter(default=8.0, description="mu: width of the neurons")
     root = CalculatedParameter(dtype=int, unit="1", description="the root that both powers are made of; 0: none")
-    spacing = CalculatedParameter(description="distance of neighbouring centres; 0 if they differ")
-    decay = CalculatedParameter(unit="1", description="how the quotient of neighbouring activations falls, a channel")
     lower = CalculatedParameter("bands", description="smallest norm in each band")
     e = Local("n", description="x - x_hat")
     s_1 = Local("n", description="sgn^beta_1(e)")
@@ -71,10 +68,8 @@ class NeuralObserver(Block):
     region = condition("the ultimate bound of the error lies in each band's region (23)", "Theorem 2")(observer_region)
     covered = condition("y stays within one width of a neuron", "Remark 5")(network_covers_run)
 
-    def calculate(beta_1, c_v, centres, width, root, spacing, decay, lower):
+    def calculate(beta_1, c_v, root, lower):
         root[0] = common_root(beta_1)
-        spacing[0] = equal_spacing(centres)
-        decay[0] = math.exp(-4.0 * spacing[0] * spacing[0] / (width * width))
         for k in range(lower.size - 1):
             lower[k] = math.pow(10.0, c_v - 1.0 - k)
         lower[lower.size - 1] = 0.0
@@ -88,11 +83,8 @@ class NeuralObserver(Block):
             e[q] = x[q] - x_hat[q]
         signed_powers(e, beta_1, root, s_1, s_2)
 
-    def outputs(x, v_hat, W_hat, centres, width, spacing, decay, phi, coverage, w_hat):
-        if spacing == 0.0:
-            coverage[0] = activations(x, v_hat, centres, width, phi)  # (7)
-        else:
-            coverage[0] = geometric_row(x, v_hat, centres, width, spacing, decay, phi)  # (7)
+    def outputs(x, v_hat, W_hat, centres, width, phi, coverage, w_hat):
+        coverage[0] = activations(x, v_hat, centres, width, phi)  # (7)
         weighted_sum(W_hat, phi, w_hat)  # (6)
 
     def derivatives(

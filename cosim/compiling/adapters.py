@@ -13,7 +13,7 @@ from cosim.authoring.lowering.axis_sizes import Size
 from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.fingerprint.text import fingerprint
 from cosim.compiling.frame import INSTANCES, Frame, frame_of
-from cosim.compiling.tiles import LARGEST, MEMBERS, Part
+from cosim.compiling.tiles.parts import LARGEST, MEMBERS, Part
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def lane_text(declaration: Declaration, function: Function, constants: dict[str,
         if is_scalar(variable, function, argument):
             lines.append(f"    {argument}_ = widened(load_{part.kind}({place}))")
         else:
-            sizes = [str(constants.get(d, d)) for d in variable.shape]  # type: ignore[call-overload]  # numbers too
+            sizes = [str(constants[d] if isinstance(d, str) else d) for d in variable.shape]
             shape, step = f"({', '.join(sizes or ['1'])},)", MEMBERS * part.itemsize
             view = f"strided(pointer_{part.kind}({place}), {shape}, {step})"
             lines.append(f"    {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
@@ -138,7 +138,7 @@ def lane_text(declaration: Declaration, function: Function, constants: dict[str,
 
 
 def _parts(declaration: Declaration, function: Function, constants: dict[str, int]) -> tuple[Part, ...]:
-    """The arguments of a function in a tile; none where sizes are not known, or the function needs memory of its own."""
+    """The arguments of a function in a tile; none where it has memory of its own, or sizes of a run."""
     frame = frame_of(declaration, function, constants)
     if frame.dimensions or lowered(declaration, function).temporaries:
         return ()

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 
-from cosim.compiling import emission, tiles
+from cosim.compiling import emission
 from cosim.compiling.plain_math import definitions
+from cosim.compiling.tiles import kernel_ir, tiling
 from cosim.errors import CosimError, Problems
 from cosim.machine import object_code
 
@@ -33,12 +34,11 @@ def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
 
 def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
     """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: as `compile_object`."""
-    sources = tuple(sources)
     from numba.core.compiler_lock import global_compiler_lock
 
     from cosim.compiling import checks, helpers
 
-    problems, good = Problems(), []
+    sources, problems, good = tuple(sources), Problems(), []
     with global_compiler_lock, helpers.unoptimised(), checks.checking():
         library = helpers.target().target_context.codegen().create_library(name)
         library.add_llvm_module(llvm.parse_assembly(_NO_REFERENCE_COUNTS + checks.RECORD))
@@ -56,7 +56,7 @@ def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
             problems.attempt(compile_object, name, good)  # what is wrong with the others
         problems.raise_one_or_all()
     ir = definitions.renamed(str(library.linked())) + "".join(map(_shims, sources))
-    return definitions.with_definitions(tiles.in_tiles(ir, [s for s in sources if s.lanes], name))
+    return definitions.with_definitions(tiling.in_tiles(ir, [s for s in sources if s.lanes]))
 
 
 def _add(source: KernelSource, library: Any) -> None:
@@ -68,7 +68,7 @@ def _add(source: KernelSource, library: Any) -> None:
         _compile(source, source.build(), (types.float64, base, frame), f"{source.symbol}.numba", library)
         return
     _compile(source, source.build(), (types.float64, base, frame, word, word), f"{source.symbol}.numba", library)
-    _compile(source, source.lanes(), (types.float64, base, word), f"{source.symbol}.member.numba", library)
+    _compile(source, source.lanes(), (types.float64, base, word), f"{source.symbol}.lane.numba", library)
 
 
 def _compile(source: KernelSource, adapter: Any, arguments: tuple[Any, ...], symbol: str, library: Any) -> None:
@@ -128,7 +128,7 @@ def _shims(source: KernelSource) -> str:
     if source.lanes is None:
         return _SHIM.format(symbol=symbol, made=made, range="")
     some = _SHIM.format(symbol=f"{symbol}.range", made=made, range=", i64 %first, i64 %last")
-    return some + tiles.MEMBER.format(symbol=symbol)
+    return some + kernel_ir.LANE.format(symbol=symbol)
 
 
 def _explain(error: Exception, source: KernelSource, name: str) -> CosimError:

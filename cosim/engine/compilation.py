@@ -6,7 +6,7 @@ from typing import Any
 
 from cosim.compiling import kernels
 from cosim.compiling.kernels import Kernels
-from cosim.compiling.tiles import LEAST
+from cosim.compiling.tiles.parts import LEAST
 from cosim.engine import loop_code
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems

@@ -203,9 +203,9 @@ class Component:
         return port in self.couplings and self.couplings[port].delay > 0
 
     def constants(self) -> dict[str, int]:
-        """The dimensions that are compiled into kernels: those of ports, unless a fleet sets them."""
-        ports = (v for v in self.declaration.variables.values() if v.causality in ("input", "output"))
-        names = dict.fromkeys(d for v in ports for d in v.shape if isinstance(d, str))
+        """The dimensions that are compiled into kernels, unless a fleet sets them: those of ports, of members all."""
+        told = (v for v in self.declaration.variables.values() if self.count > 1 or v.causality in ("input", "output"))
+        names = dict.fromkeys(d for v in told for d in v.shape if isinstance(d, str))
         return {name: self.axes[name].size for name in names if self.axes[name].fleet is None}
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from cosim.authoring.rules import Course
 from cosim.blocks.finite_time_observer import FiniteTimeObserver
-from cosim.blocks.geometric_row import equal_spacing, geometric_row
 from cosim.blocks.neural_observer import NeuralObserver
 from cosim.blocks.radial_basis import activations, weighted_sum
 from cosim.blocks.signed_power import common_root
@@ -36,26 +35,6 @@ def test_activations(centres, place):
         assert largest == phi.max()
 
 
-@pytest.mark.parametrize("centres", [CENTRES, np.array([-1.0, 0.5]), np.linspace(-60, 60, 25)])
-@pytest.mark.parametrize("place", [-400.0, -3.0, 0.2, 2.5, 55.0])
-def test_geometric_row(centres, place):
-    rng = np.random.default_rng(3)
-    x, v, phi = place + rng.normal(size=3), place + rng.normal(size=3), np.zeros(len(centres))
-    for width in (8.0, 2.0):
-        spacing = equal_spacing(centres)
-        largest = geometric_row(x, v, centres, width, spacing, np.exp(-4 * spacing**2 / width**2), phi)
-        np.testing.assert_allclose(phi, gaussian(x, v, centres, width), rtol=1e-10, atol=1e-200)
-        assert largest == phi.max()
-
-
-def test_equal_spacing_is_found():
-    assert equal_spacing(CENTRES) == 1.0
-    assert equal_spacing(np.array([0.0, 0.1, 0.2, 0.3])) == pytest.approx(0.1)
-    assert equal_spacing(np.array([3.0, 2.0, 1.0])) == 0.0
-    assert equal_spacing(np.array([0.0, 1.0, 2.5])) == 0.0
-    assert equal_spacing(np.array([0.0])) == 0.0
-
-
 def test_weighted_sum():
     rng = np.random.default_rng(4)
     weights, phi, w = rng.normal(size=(8, 3)), rng.normal(size=8), np.ones(3)
@@ -79,12 +58,12 @@ def test_finite_time_observer(beta_1):
 
 def neural(x, u, g, x_hat, v_hat, W_hat, gamma_1, gamma_2, beta_1=2 / 3):
     """The block's (d x_hat, d v_hat, d W_hat, w_hat)."""
-    root, spacing, decay, lower = np.zeros(1, int), np.zeros(1), np.zeros(1), np.zeros(len(gamma_1))
-    NeuralObserver.calculate(beta_1, 1.0, CENTRES, 8.0, root, spacing, decay, lower)
+    root, lower = np.zeros(1, int), np.zeros(len(gamma_1))
+    NeuralObserver.calculate(beta_1, 1.0, root, lower)
     e, s_1, s_2, w_hat, d_x, d_v = np.zeros((6, 3))
     phi, d_W = np.zeros(8), np.zeros((8, 3))
     NeuralObserver.outputs_correction(x, x_hat, beta_1, root[0], e, s_1, s_2)
-    NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, spacing[0], decay[0], phi, np.zeros(1), w_hat)
+    NeuralObserver.outputs(x, v_hat, W_hat, CENTRES, 8.0, phi, np.zeros(1), w_hat)
     NeuralObserver.derivatives(
         u, g, v_hat, W_hat, w_hat, s_1, s_2, phi, 8.0, 7.0, gamma_1, gamma_2, lower, d_x, d_v, d_W
     )
@@ -186,9 +165,7 @@ def test_coverage_is_the_largest_activation(centres):
     rng = np.random.default_rng(8)
     for x, v in rng.normal(scale=4.0, size=(50, 2, 3)):
         phi, coverage, w_hat = np.zeros(centres.size), np.zeros(1), np.zeros(3)
-        spacing = equal_spacing(centres)
-        decay = np.exp(-4.0 * spacing**2 / 64.0)
-        NeuralObserver.outputs(x, v, np.zeros((centres.size, 3)), centres, 8.0, spacing, decay, phi, coverage, w_hat)
+        NeuralObserver.outputs(x, v, np.zeros((centres.size, 3)), centres, 8.0, phi, coverage, w_hat)
         assert coverage[0] == phi.max() == pytest.approx(gaussian(x, v, centres, 8.0).max(), rel=1e-12)
 
 

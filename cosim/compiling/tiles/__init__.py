@@ -1,0 +1,1 @@
+"""Functions of fleets, for eight members at a time: see `tiling`."""
