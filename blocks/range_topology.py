@@ -6,7 +6,7 @@ import numpy as np
 
 from cosim import Block, Dimension, Input, Local, Output, Parameter, rule
 from cosim.blocks.adjacency import add_neighbour, begin_with_static, is_heard, names_robots, strongly_connected
-from cosim.blocks.cell_grid import FIELDS, later, later_near, sort_into_cells
+from cosim.blocks.cell_grid import FIELDS, SEARCHED, later, later_near, look_around
 from cosim.blocks.distance import planar_square, surely_beyond
 
 
@@ -40,7 +40,8 @@ class RangeTopology(Block):
     eta_2 = Parameter(unit="1/m", default=14.0, description="steepness of the weight's fall")
     eta_3 = Parameter(unit="m", default=1.1, description="distance of half the weight")
     R_c = Parameter(unit="m", default=1.5, description="communication range")
-    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: the cell grid")
+    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: who is near whom")
+    searched = Local("robots", SEARCHED, unit="m", finite=False, description="work space: where robots were searched")
     count = Local("robots", dtype=np.int32, unit="1", description="number of neighbours")
     neighbours = Output("robots", "capacity", dtype=np.int32, unit="1", description="neighbours from 0; -1: none")
     weights = Output("robots", "capacity", unit="1", description="a_ij of each neighbour j")
@@ -50,9 +51,9 @@ class RangeTopology(Block):
     numbers = rule("every robot hears other robots, each once", "Section II-B")(names_robots)
     connected = rule("a strongly connected static graph G1", "Section II-B, Lemma 2")(strongly_connected)
 
-    def outputs(x, hears, eta_1, eta_2, eta_3, R_c, grid, count, neighbours, weights):
+    def outputs(x, hears, eta_1, eta_2, eta_3, R_c, grid, searched, count, neighbours, weights):
         begin_with_static(hears, count, neighbours, weights)
-        sort_into_cells(x, R_c, grid)
+        look_around(x, R_c, grid, searched)
         for i in range(x.shape[0]):
             for k in range(later_near(i, grid)):
                 j = later(k, i, grid)

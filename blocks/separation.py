@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cosim import Course, Dimension, Input, Local, Measure, Output, Parameter, State, condition, rule
 from cosim.blocks.agreement import radii_agree
-from cosim.blocks.cell_grid import FIELDS, later, later_near, sees_all, sort_into_cells
+from cosim.blocks.cell_grid import FIELDS, SEARCHED, later, later_near, look_around, sees_all
 from cosim.blocks.distance import planar_square, surely_beyond
 
 
@@ -55,7 +55,8 @@ class Separation(Measure):
 
     x = Input("robots", "n", description="positions; the first two channels are planar")
     radii = Parameter("robots", unit="m", description="radius R_i of each robot")
-    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: the cell grid")
+    grid = Local("robots", FIELDS, dtype=np.int64, unit="1", description="work space: who is near whom")
+    searched = Local("robots", SEARCHED, unit="m", finite=False, description="work space: where robots were searched")
     min_gap = Output(unit="m", finite=False, description="smallest gap of all pairs; infinite for a single robot")
     unlisted = Output(dtype=np.int64, unit="1", description="how many pairs touch that have no row and get none")
     collisions = Output("collision_capacity", 3, finite=False, description="rows [i, j, time] so far; NaN where none")
@@ -65,7 +66,7 @@ class Separation(Measure):
     same = rule("radii as the plant has them, if x is a plant's")(radii_agree)
     complete = condition("every pair that collides is listed")(everything_listed)
 
-    def outputs(time, x, radii, listed, grid, min_gap, unlisted, collisions):
+    def outputs(time, x, radii, listed, grid, searched, min_gap, unlisted, collisions):
         largest = 0.0
         for i in range(radii.size):
             largest = max(largest, radii[i])
@@ -76,7 +77,7 @@ class Separation(Measure):
             for q in range(3):
                 collisions[k, q] = listed[k, q]
         while True:
-            sort_into_cells(x, reach, grid)
+            reach = look_around(x, reach, grid, searched)
             smallest = math.inf
             used, without = before, 0
             for i in range(x.shape[0]):

@@ -121,8 +121,9 @@ class Output(Variable):
 class Local(Variable):
     """A quantity that recordings, measuring blocks and other locals may read, ports may not.
 
-    Also a work space, whose content lasts for a call: what is to last longer is a State. Every element is written,
-    unless it says finite=False. held: as of an `Output`.
+    Also a work space. What the call before has left there may save work, such as a search whose result still holds, but
+    may change nothing of what is computed: what is to last is a State. Every element is written, unless it says
+    finite=False. held: as of an `Output`.
     """
 
     causality = "local"

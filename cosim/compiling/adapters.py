@@ -13,7 +13,7 @@ from cosim.authoring.lowering.axis_sizes import Size
 from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.fingerprint.text import fingerprint
 from cosim.compiling.frame import INSTANCES, Frame, frame_of
-from cosim.compiling.tiles.parts import LARGEST, MEMBERS, Part
+from cosim.compiling.tiles.parts import LARGEST, MEMBERS, TilePart
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class KernelSource:
     place: str = ""
     who: str = ""
     lanes: Callable[[], Callable[..., int]] | None = None
-    parts: tuple[Part, ...] = ()
+    parts: tuple[TilePart, ...] = ()
 
 
 def block_source(
@@ -120,7 +120,9 @@ def _called(lines: list[str], declaration: Declaration, function: Function, inde
     return "\n".join([*lines, f"{indent}function({call})", "    return 0", ""])
 
 
-def lane_text(declaration: Declaration, function: Function, constants: dict[str, int], parts: tuple[Part, ...]) -> str:
+def lane_text(
+    declaration: Declaration, function: Function, constants: dict[str, int], parts: tuple[TilePart, ...]
+) -> str:
     """Source of the author's function for one lane of a tile."""
     lines = ["def adapter(time, tile, lane):"]
     arguments = [name for name in function.arguments if name != "time"]
@@ -137,18 +139,18 @@ def lane_text(declaration: Declaration, function: Function, constants: dict[str,
     return _called(lines, declaration, function, " " * 4)
 
 
-def _parts(declaration: Declaration, function: Function, constants: dict[str, int]) -> tuple[Part, ...]:
+def _parts(declaration: Declaration, function: Function, constants: dict[str, int]) -> tuple[TilePart, ...]:
     """The arguments of a function in a tile; none where it has memory of its own, or sizes of a run."""
     frame = frame_of(declaration, function, constants)
     if frame.dimensions or lowered(declaration, function).temporaries:
         return ()
-    parts = list[Part]()
+    parts = list[TilePart]()
     for argument, slot in frame.slots.items():
         variable = variable_of(declaration, argument)
         elements = math.prod(constants[d] if isinstance(d, str) else d for d in variable.shape)
         begin = parts[-1].end if parts else 0
         kind, written = variable.dtype, argument in function.writes
-        parts.append(Part(kind.name, kind.itemsize, elements, begin, slot, written))
+        parts.append(TilePart(kind.name, kind.itemsize, elements, begin, slot, written))
     return tuple(parts) if sum(p.elements for p in parts) <= LARGEST else ()
 
 

@@ -103,7 +103,7 @@ COMPILING = (
     "compiling/tiles/moving",
     "compiling/tiles/parts",
     "compiling/tiles/tiling",
-    "compiling/tiles/worth",
+    "compiling/tiles/worthwhile",
     "errors",
     "language/elementary",
     "language/expression",

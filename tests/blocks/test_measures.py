@@ -60,12 +60,16 @@ def separation(x, radii, capacity=50):
     return measure(0.0, x, radii, np.full((capacity, 3), math.nan))[:2]
 
 
-def measure(time, x, radii, listed):
+def work_spaces(robots):
+    """What lies there before the first call."""
+    return np.zeros((robots, cell_grid.FIELDS), np.int64), np.full((robots, cell_grid.SEARCHED), np.nan)
+
+
+def measure(time, x, radii, listed, work=None):
     """The smallest gap, the table of collisions, and how many pairs have no row; `listed` gets the new ones."""
-    robots = len(x)
-    grid = np.zeros((robots, cell_grid.FIELDS), np.int64)
+    work = work or work_spaces(len(x))
     collisions, min_gap, unlisted = np.full_like(listed, 99.0), np.zeros(1), np.zeros(1, np.int64)
-    Separation.outputs(time, x, radii, listed, grid, min_gap, unlisted, collisions)
+    Separation.outputs(time, x, radii, listed, *work, min_gap, unlisted, collisions)
     Separation.update(collisions, listed)
     assert np.array_equal(collisions, listed, equal_nan=True)
     return min_gap[0], collisions, unlisted[0]
@@ -97,6 +101,16 @@ def test_grid_and_all_pairs_agree_bit_for_bit(monkeypatch):
     by_pairs = separation(x, radii)
     assert by_grid[0] == by_pairs[0]
     assert np.array_equal(by_grid[1], by_pairs[1], equal_nan=True)
+
+
+def test_gaps_of_robots_that_come_together_and_part():
+    """From far apart, where lists reach far, to each other and through: the smallest gap of all pairs at every step."""
+    rng = np.random.default_rng(4)
+    home, radii, work = rng.normal(size=(60, 2)), np.full(60, 0.01), work_spaces(60)
+    for scale in np.concatenate([np.geomspace(1000.0, 1.0, 60), np.linspace(1.0, -1.0, 60)]):
+        x = scale * home
+        min_gap = measure(0.0, x, radii, np.full((2000, 3), math.nan), work)[0]
+        assert min_gap == pytest.approx(all_gaps(x, radii).min(), rel=1e-12, abs=1e-14)
 
 
 def test_a_single_robot_has_no_gap():
@@ -216,7 +230,7 @@ def test_topology_rate(seed):
     x, v, h = rng.uniform(-1, 1, (6, 3)), rng.normal(size=(6, 3)), 1e-6
     hears = np.array([[4, 0], [3, 5], [1, 0], [5, 0], [6, 0], [2, 1]], np.int32)
     neighbours, weights = np.zeros((6, 8), np.int32), np.zeros((6, 8))
-    work = np.zeros((6, cell_grid.FIELDS), np.int64), np.zeros(6, np.int32)
+    work = *work_spaces(6), np.zeros(6, np.int32)
     RangeTopology.outputs(x, hears, 0.2, 14.0, 1.1, 1.5, *work, neighbours, weights)
     L_2, dL_2 = np.zeros((2, 1))
     TopologyRate.outputs(x, v, neighbours, weights, 0.2, 14.0, L_2, dL_2)

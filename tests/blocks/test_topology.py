@@ -13,11 +13,16 @@ OTHER_RING = np.array([[2], [3], [6], [5], [1], [4]], np.int32)
 ETA, R_C = (0.2, 14.0, 1.1), 1.5
 
 
-def range_lists(x, hears, capacity=64):
+def work_spaces(robots):
+    """What lies there before the first call."""
+    return np.zeros((robots, cell_grid.FIELDS), np.int64), np.full((robots, cell_grid.SEARCHED), np.nan)
+
+
+def range_lists(x, hears, capacity=64, work=None):
     robots = len(x)
-    grid, count = np.zeros((robots, cell_grid.FIELDS), np.int64), np.zeros(robots, np.int32)
+    work, count = work or work_spaces(robots), np.zeros(robots, np.int32)
     neighbours, weights = np.zeros((robots, capacity), np.int32), np.zeros((robots, capacity))
-    RangeTopology.outputs(x, hears, *ETA, R_C, grid, count, neighbours, weights)
+    RangeTopology.outputs(x, hears, *ETA, R_C, *work, count, neighbours, weights)
     return neighbours, weights
 
 
@@ -87,6 +92,36 @@ def test_grid_and_all_pairs_agree_bit_for_bit(robots, side, monkeypatch):
     assert by_grid[1].tobytes() == by_pairs[1].tobytes()
 
 
+@pytest.mark.parametrize(("robots", "side"), [(60, 6.0), (150, 6.0), (150, 1.5)])
+def test_a_list_is_used_as_long_as_it_holds(robots, side, monkeypatch):
+    """Robots that wander, some faster than others; all at once in one place are more than are listed."""
+    rng = np.random.default_rng(robots)
+    x, speed = rng.uniform(-side, side, (robots, 2)), rng.uniform(0.0, 0.02, (robots, 1))
+    work, searches, sort = work_spaces(robots), [], cell_grid.sort_into_cells
+    small = cell_grid.SMALL
+    for step in range(120):
+        x = x + speed * rng.normal(size=x.shape)
+        if step == 60:
+            x[5] += 40.0  # a jump farther than any skin
+        monkeypatch.setattr(cell_grid, "SMALL", small)
+        monkeypatch.setattr(cell_grid, "sort_into_cells", lambda *given: searches.append(1) or sort(*given))
+        by_list = range_lists(x, ring(robots), 160, work)
+        monkeypatch.setattr(cell_grid, "SMALL", robots)
+        by_pairs = range_lists(x, ring(robots), 160)
+        assert np.array_equal(by_list[0], by_pairs[0])
+        assert by_list[1].tobytes() == by_pairs[1].tobytes()
+    assert 2 <= len(searches) <= 30
+    assert side > 2.0 or (work[0][:, cell_grid.COUNT] < 0).any()
+
+
+def test_a_list_for_less_is_not_used():
+    x = np.random.default_rng(1).uniform(-3.0, 3.0, (50, 2))
+    grid, searched = work_spaces(50)
+    assert cell_grid.look_around(x, 1.0, grid, searched) == 1.0
+    assert cell_grid.look_around(x, 0.5, grid, searched) == 1.0
+    assert cell_grid.look_around(x, 2.0, grid, searched) == 2.0
+
+
 def test_grid_finds_robots_exactly_in_range():
     """Multiples of the range lie on the edges of cells, where quotients are rounded either way."""
     x = np.array([[k * R_C, 0.0] for k in range(-30, 30)])
@@ -101,8 +136,8 @@ def test_cells_are_told_apart_in_one_bucket():
     robots = 33
     x = np.random.default_rng(11).uniform(-1e4, 1e4, (robots, 2))
     x[1] = x[0] + 0.5
-    grid = np.zeros((robots, cell_grid.FIELDS), np.int64)
-    cell_grid.sort_into_cells(x, 1.0, grid)
+    grid, searched = work_spaces(robots)
+    cell_grid.look_around(x, 1.0, grid, searched)
     assert [cell_grid.later(k, 0, grid) for k in range(cell_grid.later_near(0, grid))] == [1]
     assert sum(cell_grid.later_near(i, grid) for i in range(robots)) == 1
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from cosim.compiling.frame import INSTANCES
 from cosim.compiling.plain_math import definitions
 from cosim.compiling.tiles.moving import declarations, gathered, rows, scattered
-from cosim.compiling.tiles.parts import LEAST, MEMBERS, Part
+from cosim.compiling.tiles.parts import LEAST, MEMBERS, TilePart
 
 #: What numba makes of a function of one lane becomes this; a fault, which it must not have, is written nowhere.
 LANE = """
@@ -89,7 +89,7 @@ attributes #90000 = {{ "prefer-vector-width"="512" "min-legal-vector-width"="512
 """
 
 
-def kernels(lanes: str, parts: Mapping[str, Sequence[Part]]) -> str:
+def kernels(lanes: str, parts: Mapping[str, Sequence[TilePart]]) -> str:
     """The IR of kernels that do functions tile by tile, from the optimised IR of one lane of each and its parts."""
     ir = _parallel(lanes)
     for symbol in parts:
@@ -101,7 +101,7 @@ def kernels(lanes: str, parts: Mapping[str, Sequence[Part]]) -> str:
     return "\n".join([ir, *declared, *(definitions.lane(name, _GROUP) for name in called), *kernel, _METADATA])
 
 
-def _kernel(symbol: str, parts: Sequence[Part]) -> str:
+def _kernel(symbol: str, parts: Sequence[TilePart]) -> str:
     """The IR of a kernel that does a function tile by tile."""
     facts = {"symbol": symbol, "members": MEMBERS, "instances": INSTANCES, "least": LEAST}
     lines = [_HEAD.format(size=max((p.end for p in parts), default=64), **facts)]

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
 
-from cosim.compiling.tiles.parts import MEMBERS, Part
+from cosim.compiling.tiles.parts import MEMBERS, TilePart
 
 _KINDS = {"float64": "double", "float32": "float", "bool": "i8"}
 _KINDS |= {f"{sign}int{bits}": f"i{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _SHORT = {"double": "f64", "float": "f32"}
 
 
-def declarations(parts: Sequence[Part]) -> set[str]:
+def declarations(parts: Sequence[TilePart]) -> set[str]:
     """What moving parts declares."""
     found = set[str]()
     for kind in {_KINDS[part.kind] for part in parts}:
@@ -24,7 +24,7 @@ def declarations(parts: Sequence[Part]) -> set[str]:
     return found
 
 
-def rows(name: str, part: Part) -> Iterator[str]:
+def rows(name: str, part: TilePart) -> Iterator[str]:
     """Where an argument of each member begins."""
     for word, what in enumerate(("offset", "stride")):
         yield f"  %{name}_{what}_place = getelementptr i64, ptr %frame, i64 {part.slot + word}"
@@ -35,7 +35,7 @@ def rows(name: str, part: Part) -> Iterator[str]:
         yield f"  %{name}_m{lane} = getelementptr i8, ptr %{name}, i64 %{name}_ahead{lane}"
 
 
-def gathered(name: str, part: Part) -> Iterator[str]:
+def gathered(name: str, part: TilePart) -> Iterator[str]:
     """An argument of eight members into its tile."""
     kind = _KINDS[part.kind]
     for begin, size in _chunks(part):
@@ -60,7 +60,7 @@ def gathered(name: str, part: Part) -> Iterator[str]:
             yield f"  store <{MEMBERS} x {kind}> {columns[column]}, ptr {place}, align {part.itemsize * MEMBERS}"
 
 
-def scattered(name: str, part: Part) -> Iterator[str]:
+def scattered(name: str, part: TilePart) -> Iterator[str]:
     """An argument of eight members out of its tile."""
     kind = _KINDS[part.kind]
     for begin, size in _chunks(part):
@@ -79,7 +79,7 @@ def scattered(name: str, part: Part) -> Iterator[str]:
             yield f"  {_masked('store', kind, size, place, row)}"
 
 
-def _chunks(part: Part) -> Iterator[tuple[int, int]]:
+def _chunks(part: TilePart) -> Iterator[tuple[int, int]]:
     """The elements of a part, at most so many at a time as a vector has: from where, and how many."""
     for begin in range(0, part.elements, MEMBERS):
         size = min(MEMBERS, part.elements - begin)

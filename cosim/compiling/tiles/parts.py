@@ -10,7 +10,7 @@ LARGEST = 128  # elements of all arguments, of one member
 
 
 @dataclass(frozen=True)
-class Part:
+class TilePart:
     """An argument of a function in a tile: so many elements from an offset (bytes) on; slot: its word in the frame."""
 
     kind: str

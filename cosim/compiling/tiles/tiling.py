@@ -18,7 +18,7 @@ import llvmlite.binding as llvm
 from cosim.compiling import emission
 from cosim.compiling.plain_math import definitions
 from cosim.compiling.tiles import kernel_ir
-from cosim.compiling.tiles.worth import worth
+from cosim.compiling.tiles.worthwhile import is_worthwhile
 from cosim.machine import object_code
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def in_tiles(ir: str, sources: Sequence[KernelSource]) -> str:
         return ir
     declared, alone = definitions.with_declarations(ir), [f"{source.symbol}.lane" for source in sources]
     lanes = emission.scalars(declared, *object_code.host(), alone)
-    worthy = {s.symbol: s.parts for s in sources if worth(lanes, s.symbol)}
+    worthy = {s.symbol: s.parts for s in sources if is_worthwhile(lanes, s.symbol)}
     for symbol in alone:
         declared = declared.replace(f"define i32 @{symbol}(", f"define internal i32 @{symbol}.unused(")
     others = (kernel_ir.one_by_one(s.symbol) for s in sources if s.symbol not in worthy)

@@ -6,7 +6,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 
-def worth(module: Any, symbol: str) -> bool:
+def is_worthwhile(module: Any, symbol: str) -> bool:
     """Whether the function of one lane, optimised, has no loop, cannot fail, and always computes elementary functions.
 
     For others, taking the arguments into a tile costs more than vectors gain; what only some members compute, vectors
