@@ -11,6 +11,7 @@ from typing import Any
 from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
 from cosim.authoring.lowering.axis_sizes import Size
 from cosim.authoring.lowering.block_functions import lowered
+from cosim.compiling.fingerprint.own_files import files_text
 from cosim.compiling.fingerprint.text import fingerprint
 from cosim.compiling.frame import INSTANCES, Frame, frame_of
 from cosim.compiling.tiles.parts import LARGEST, MEMBERS, TilePart
@@ -180,8 +181,7 @@ def _size(size: Size, constants: dict[str, int]) -> str:
 def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSource:
     """The kernel around a function of a time and two addresses, of the base and of the frame.
 
-    Such functions are this package's own and stay as they are, so what one reaches is followed once in a process: of
-    the loop that takes longer than a short run.
+    Such functions are this package's own and stay as they are: what one reaches is known by the text of the files.
     """
     name = entry.__name__
     text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
@@ -194,4 +194,4 @@ def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSo
         adapter: Callable[..., int] = scope["adapter"]
         return adapter
 
-    return KernelSource(name, build, fingerprint(entry, lines=True) + text, lambda: fingerprint(entry) + text)
+    return KernelSource(name, build, files_text(entry) + text, lambda: fingerprint(entry) + text)

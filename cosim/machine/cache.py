@@ -80,6 +80,7 @@ COMPILING = (
     "compiling/fingerprint/feed",
     "compiling/fingerprint/jitted",
     "compiling/fingerprint/objects",
+    "compiling/fingerprint/own_files",
     "compiling/fingerprint/packages",
     "compiling/fingerprint/roads",
     "compiling/fingerprint/text",
