@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
@@ -34,7 +34,6 @@ from cosim.errors import (
 from cosim.language import source
 from cosim.language.entry import BlockEntry
 from cosim.machine import importing
-from cosim.wiring import expression_blocks
 from cosim.wiring.block_files import import_file
 from cosim.wiring.block_modules import block_classes, find_spec, import_error
 
@@ -65,6 +64,8 @@ def find(entry: BlockEntry) -> type[Block]:
 
         return importer.block(entry)
     if entry.kind == "expression":
+        from cosim.wiring import expression_blocks
+
         return expression_blocks.block(entry)
     return _from_file(entry) if entry.kind == "python" else _from_libraries(entry)
 
@@ -113,7 +114,9 @@ def _from_program(entry: BlockEntry, made: type) -> type[Block]:
 def _from_libraries(entry: BlockEntry) -> type[Block]:
     pack, _, name = entry.type.value.rpartition(":")
     place = entry.type.position
-    known, errors, home = _libraries()
+    known, errors, home = _libraries(name)
+    if name not in known:
+        known, errors, home = _libraries()
     classes = [block for block in known.get(name, []) if not pack or pack in _qualifiers(block, home[block])]
     if len(classes) > 1:
         modules = " and ".join(block.__module__ for block in classes)
@@ -176,13 +179,16 @@ def _from_file(entry: BlockEntry) -> type[Block]:
 
 
 @cache
-def _libraries() -> tuple[dict[str, list[type[Block]]], list[CosimError], dict[type[Block], str]]:
-    """All classes by name (several, if modules disagree), the errors of modules that cannot be imported, and packs."""
+def _libraries(name: str = "") -> tuple[dict[str, list[type[Block]]], list[CosimError], dict[type[Block], str]]:
+    """All classes by name (several, if modules disagree), the errors of modules that cannot be imported, and packs.
+
+    name: of a class; then modules whose text does not have it are left out, as importing all of them takes a while.
+    """
     found: dict[str, list[type[Block]]] = {}
     home: dict[type[Block], str] = {}
     errors: list[CosimError] = []
-    for point in sorted(entry_points(group=GROUP)):
-        for module in _modules(point.module, errors):
+    for point in _points():
+        for module in _modules(point.module, errors, name.encode()):
             for block in _classes(module, point.module):
                 if block not in found.setdefault(block.__name__, []):
                     found[block.__name__].append(block)
@@ -190,8 +196,14 @@ def _libraries() -> tuple[dict[str, list[type[Block]]], list[CosimError], dict[t
     return found, errors, home
 
 
-def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
-    """A package's public modules, and it itself."""
+@cache
+def _points() -> list[EntryPoint]:
+    """The entry points of all installed libraries, for which all that is installed is looked through."""
+    return sorted(entry_points(group=GROUP))
+
+
+def _modules(name: str, errors: list[CosimError], wanted: bytes) -> Iterator[ModuleType]:
+    """A package's public modules whose text has what is wanted, and it itself."""
     try:
         with importing.guarded(f"`{name}`"), mistakes_wait():
             module = importlib.import_module(name)
@@ -205,9 +217,22 @@ def _modules(name: str, errors: list[CosimError]) -> Iterator[ModuleType]:
     errors.extend(wrong)
     if not wrong:
         yield module
-    for child in pkgutil.iter_modules(getattr(module, "__path__", ())):
+    for child, text in _children(module):
+        if text is None or wanted in text:
+            yield from _modules(child, errors, wanted)
+
+
+@cache
+def _children(package: ModuleType) -> list[tuple[str, bytes | None]]:
+    """The public modules of a package, each with its text; None where that does not say what it has."""
+    found = []
+    for child in pkgutil.iter_modules(getattr(package, "__path__", ())):
         if not child.name.startswith("_"):
-            yield from _modules(f"{name}.{child.name}", errors)
+            folder = getattr(child.module_finder, "path", None)  # of an archive there is none
+            file = Path(folder or "", f"{child.name}.py")
+            text = file.read_bytes() if folder and not child.ispkg and file.is_file() else b"import *"
+            found.append((f"{package.__name__}.{child.name}", None if b"import *" in text else text))
+    return found
 
 
 def _classes(module: ModuleType, package: str) -> Iterator[type[Block]]:

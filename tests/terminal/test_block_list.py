@@ -76,8 +76,10 @@ def packs(tmp_path, monkeypatch):
     pairs = {"cosim": "cosim.blocks", "acme.motors": "acme_motors", "others": "others"}
     points = [EntryPoint(name, value, library.GROUP) for name, value in pairs.items()]
     monkeypatch.setattr(library, "entry_points", lambda group: points)
+    library._points.cache_clear()
     library._libraries.cache_clear()
     yield own
+    library._points.cache_clear()
     library._libraries.cache_clear()
     for name in [name for name in sys.modules if name.partition(".")[0] in ("acme_motors", "others")]:
         del sys.modules[name]

@@ -56,9 +56,11 @@ def libraries(tmp_path, monkeypatch):
     def make(*packages):
         points = [EntryPoint(name, name, library.GROUP) for name in packages]
         monkeypatch.setattr(library, "entry_points", lambda group: points)
+        library._points.cache_clear()
         library._libraries.cache_clear()
 
     yield make
+    library._points.cache_clear()
     library._libraries.cache_clear()
     for name in set(sys.modules) - before:
         del sys.modules[name]
@@ -79,6 +81,20 @@ def test_all_public_modules_of_a_library(tmp_path, libraries):
     assert library.all_blocks()["Lag"].__module__ == "plants.lag"
     assert library.find(entry("block", "Lag")) is library.all_blocks()["Lag"]
     assert library.broken() == []
+
+
+def test_modules_that_do_not_speak_of_a_block_are_not_imported(tmp_path, libraries):
+    """Nor does what is wrong with them hold anybody up; what takes all of another module may have it."""
+    more = {"gain": LAG.format(T=1.0).replace("Lag", "Gain"), "broken": "1 / 0", "all": "from plants._inner import *"}
+    package(tmp_path, "plants", lag=LAG.format(T=1.0), _inner=LAG.replace("Lag", "Inner").format(T=1.0), **more)
+    libraries("plants")
+    library.find(entry("block", "Lag"))
+    assert {"plants.lag", "plants.all"} <= set(sys.modules) and "plants.gain" not in sys.modules
+    assert library.find(entry("block", "Inner")).__module__ == "plants._inner"
+    with pytest.raises(DiagramErrors) as caught:
+        library.find(entry("block", "Gains"))
+    assert [type(error) for error in caught.value.errors] == [UnknownBlock, BlockImportError]
+    assert "plants.gain" in sys.modules and caught.value.errors[0].fix == "did you mean `Gain`?"
 
 
 def test_a_class_that_is_imported_elsewhere_counts_once(tmp_path, libraries):
@@ -244,6 +260,7 @@ def test_a_type_without_file_and_class(tmp_path, text):
 
 
 def test_the_blocks_of_the_repository_are_found():
+    library._points.cache_clear()
     library._libraries.cache_clear()
     assert library.all_blocks()
     assert library.broken() == []

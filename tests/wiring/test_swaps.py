@@ -154,7 +154,7 @@ def test_a_name_in_another_unit_is_not_the_same(folder, monkeypatch):
     from cosim.wiring import library
 
     found = {"Body": [own.Body], "Grams": [own.Grams]}
-    monkeypatch.setattr(library, "_libraries", lambda: (found, [], dict.fromkeys((own.Body, own.Grams), "own")))
+    monkeypatch.setattr(library, "_libraries", lambda name="": (found, [], dict.fromkeys((own.Body, own.Grams), "own")))
     (folder / "base.yaml").write_text(BASE.replace("python: own.py:Body", "block: Body"))
     (error,) = mistakes("base.yaml", swaps=["body=Grams"])
     assert "parameters.mass at base.yaml:6:18 (in kg there, in g here)" in error.message
