@@ -276,10 +276,10 @@ def power(base: float, exponent: float) -> float:
 
 def lyapunov_matrix(alpha_1: float, alpha_2: float, beta_1: float) -> tuple[NDArray, float]:
     """(P_2, smallest eigenvalue of Q_2) of Lemma 4 for one channel, with Q_2 = I: A^T P_2 + P_2 A = -Q_2."""
-    from scipy.linalg import solve_continuous_lyapunov
-
-    a = np.array([[-alpha_1 * beta_1, beta_1], [-alpha_2, 0.0]])
-    return solve_continuous_lyapunov(a.T, -np.eye(2)), 1.0
+    off = -1.0 / (2.0 * beta_1)
+    first = (0.5 - alpha_2 * off) / (alpha_1 * beta_1)
+    last = beta_1 * (first - alpha_1 * off) / alpha_2
+    return np.array([[first, off], [off, last]]), 1.0
 
 
 def largest_activation(centres: NDArray, width: float, n: int) -> float:
