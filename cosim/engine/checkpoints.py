@@ -90,6 +90,11 @@ class Checkpoints:
         self.resumed: float | None = None  # from when (s), where it goes on
         self._warnings: list[CosimError] = []
 
+    @property
+    def marked(self) -> dict[str, str]:
+        """What the result says of itself, by which it is known that they go with it."""
+        return {MARK: self.mark}
+
     @contextmanager
     def of(self, network: Network, identity: dict[str, Any]) -> Iterator[None]:
         """Inside, the checkpoint is that of a run, and read if it goes on from there; identity: as of `identity`.

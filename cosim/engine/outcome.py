@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError
-from cosim.requirements.verdict import Verdict
 from cosim.results import metrics as reductions
 from cosim.wiring.network import Finding, Signal
+
+if TYPE_CHECKING:
+    from cosim.requirements.verdict import Verdict
 
 
 @dataclass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +13,14 @@ from cosim.engine.outcome import Event
 from cosim.engine.probes import Samples
 from cosim.errors import CosimError, FormulaError, MetricError
 from cosim.language.requirement import told
-from cosim.requirements.verdict import Verdict, verdict
 from cosim.results import metrics
 from cosim.results.metrics import Events, Final, Reduction
-from cosim.wiring import conditions, required, windows
+from cosim.wiring import conditions, windows
 from cosim.wiring.network import Finding, Network, Signal
+
+if TYPE_CHECKING:
+    from cosim.requirements.monitor import Monitor
+    from cosim.requirements.verdict import Verdict
 
 
 class Reductions:
@@ -31,7 +34,7 @@ class Reductions:
         self.network = network
         self.margins = margins
         self.metrics, self.warnings = ({}, []) if margins else windows.reduced(network)
-        self.monitors = required.monitors(network, native)
+        self.monitors = _monitors(network, native)
         self.enders = [name for name, entry in network.diagram.requirements.items() if entry.ends]
         self.violated: Verdict | None = None  # of these
         self._events = {} if margins else _events(network)
@@ -124,6 +127,8 @@ class Reductions:
         return {name: self._verdict(name, ended and not self.violated) for name in self.monitors}
 
     def _verdict(self, name: str, ended: bool) -> Verdict:
+        from cosim.requirements.verdict import verdict
+
         return verdict(name, self.network.diagram.requirements[name].text, self.monitors[name].robustness(ended))
 
     def ends(self) -> bool:
@@ -138,6 +143,15 @@ class Reductions:
             return []
         seen = {signal: courses.of_members() for signal, courses in self._courses.items()}
         return conditions.judge_run(self.network, seen)
+
+
+def _monitors(network: Network, native: bool) -> Mapping[str, Monitor]:
+    """What follows the requirements, which most runs have none of. Raises: DiagramErrors."""
+    if not network.diagram.requirements:
+        return {}
+    from cosim.wiring import required
+
+    return required.monitors(network, native)
 
 
 def _courses(network: Network) -> dict[Signal, Courses]:

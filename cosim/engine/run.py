@@ -8,11 +8,10 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program, recording, stability, step_counts
-from cosim.engine.checkpoints import MARK, Checkpoints
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes
 from cosim.engine.program import Program
@@ -31,10 +30,13 @@ from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
-from cosim.requirements.verdict import Verdict
 from cosim.results.result_writer import ResultWriter
 from cosim.wiring import conditions, resolution, unseen_jumps
 from cosim.wiring.network import Finding, Network
+
+if TYPE_CHECKING:
+    from cosim.engine.checkpoints import Checkpoints
+    from cosim.requirements.verdict import Verdict
 
 FLUSH_SECONDS = 1.0
 STEPS_BEFORE_END = 100
@@ -87,7 +89,7 @@ class Run:
         self.engine = engine
         self.output = output
         self.attributes = dict(attributes or {})
-        self.checkpoints = Checkpoints(output, checkpoint, resume) if checkpoint is not None or resume else None
+        self.checkpoints = _checkpoints(output, checkpoint, resume)
         self.reductions = Reductions(network, engine == "native", margins)
         self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
         self._kernels = prepared[1] if prepared else None
@@ -222,7 +224,7 @@ class Run:
             return nullcontext()  # else it keeps what is there, come what may
         more, state = dict(self.attributes), None
         if self.checkpoints:
-            more[MARK], state = self.checkpoints.mark, self.checkpoints.result
+            more, state = {**more, **self.checkpoints.marked}, self.checkpoints.result
         about = {**recording.about(self.network, self.engine, self.reductions), **more}
         return ResultWriter(self.output, recording.described(self.network, self.simulation.probes[1]), about, state)
 
@@ -255,6 +257,15 @@ class Run:
             swaps=[str(swap) for swap in self.network.swaps],
             stepping=step_counts.stepping(self._program, self.simulation.control),
         )
+
+
+def _checkpoints(output: Path | None, every: str | None, resume: bool) -> Checkpoints | None:
+    """What keeps checkpoints, where somebody wants some. Raises: WrongValue without a result."""
+    if every is None and not resume:
+        return None
+    from cosim.engine.checkpoints import Checkpoints
+
+    return Checkpoints(output, every, resume)
 
 
 def _steps(network: Network, until: float) -> int:

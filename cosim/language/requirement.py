@@ -6,15 +6,16 @@ from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, FormulaError, Position, WrongType, WrongValue
 from cosim.language import places
-from cosim.language.formula import parse
-from cosim.language.formula_tree import Condition, mentions
 from cosim.language.keys import ANY, DIAGRAM, read_value
 from cosim.language.reader import Reader
 from cosim.language.source import Node, describe
+
+if TYPE_CHECKING:
+    from cosim.language.formula_tree import Condition
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class RequirementEntry:
 
     def plain(self) -> Any:
         """The entry without places, as YAML has it, with the names of an unfolded diagram."""
+        from cosim.language.formula_tree import mentions
+
         text = self.text
         for mention in sorted(mentions(self.condition), key=lambda m: -m.at):
             name, members = self.signals[mention.signal].value.partition("[")[::2]
@@ -70,6 +73,9 @@ def read_requirements(
 
 
 def _read(name: str, node: Node, rewired: Callable[[Node], Node], reader: Reader) -> RequirementEntry | None:
+    from cosim.language.formula import parse  # which a diagram without requirements does not need
+    from cosim.language.formula_tree import mentions
+
     where, ends, formula = f"requirements.{name}", False, node
     if isinstance(node.value, dict):
         if "formula" not in node.value:

@@ -23,18 +23,10 @@ class Result:
     """
 
     def __init__(self, path: str | Path) -> None:
-        import h5py
-
         self.path = Path(path)
-        if not self.path.is_file():
-            raise ResultError(f"{self.path} does not exist or is not a file", fix="run the diagram first")
-        if not can_be_read(self.path):
-            raise ResultError(f"cannot read {self.path}: it is damaged", fix=FIXES["read"])
+        self._file = _opened(self.path)
         with as_result_error("read", self.path):
-            self._file = h5py.File(self.path, "r", locking=False)
             self.attrs = attributes.read(self._file)
-            if not _is_result(self._file):
-                raise ResultError(f"{self.path} is no result of a run", fix=FIXES["read"])
             self._variables = netcdf_layout.variables(self._file)
             # Killed in the middle of a flush, a writer leaves some variables longer than others.
             self._count = min(map(netcdf_layout.rows, [self._file["time"], *self._variables.values()]))
@@ -68,26 +60,30 @@ def open_result(path: str | Path) -> Result:
     return Result(path)
 
 
-def read_metrics(path: str | Path, reductions: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """The metrics in a result file; none if its run did not come to an end. Raises: ResultError.
+def read_attributes(path: Path) -> dict[str, Any]:
+    """What a result says of its run beside the samples, as `Result.attrs`, in less time. Raises: ResultError."""
+    with _opened(path) as file, as_result_error("read", path):
+        return attributes.read(file)
+
+
+def metrics_in(attrs: Mapping[str, Any], reductions: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The metrics among a result's attributes; none if its run did not come to an end.
 
     reductions: what each metric means, as of `Reductions.meanings`; then those alone that meant the same.
     """
-    with open_result(path) as result:
-        metrics: dict[str, Any] = result.attrs.get("metrics", {})
-        before = result.attrs.get("reductions")
+    metrics: dict[str, Any] = attrs.get("metrics", {})
+    before = attrs.get("reductions")
     if reductions is None or before is None:
         return metrics
     return {name: value for name, value in metrics.items() if before.get(name) == reductions.get(name)}
 
 
-def read_requirements(path: str | Path, formulas: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
-    """The verdicts in a result file by the requirement's name, as of `Verdict.as_json`. Raises: ResultError.
+def requirements_in(attrs: Mapping[str, Any], formulas: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
+    """The verdicts among a result's attributes by the requirement's name, as of `Verdict.as_json`.
 
     formulas: by name; then those alone that were of the same one.
     """
-    with open_result(path) as result:
-        found = {judged["name"]: judged for judged in result.attrs.get("requirements", [])}
+    found = {judged["name"]: judged for judged in attrs.get("requirements", [])}
     if formulas is None:
         return found
     return {name: judged for name, judged in found.items() if judged["formula"] == formulas.get(name)}
@@ -112,6 +108,21 @@ def is_result(path: Path) -> bool:
             return _is_result(file)
     except (OSError, RuntimeError, ValueError, KeyError):
         return False
+
+
+def _opened(path: Path) -> Any:
+    """A result as h5py opens it. Raises: ResultError."""
+    import h5py
+
+    if not path.is_file():
+        raise ResultError(f"{path} does not exist or is not a file", fix="run the diagram first")
+    if not can_be_read(path):
+        raise ResultError(f"cannot read {path}: it is damaged", fix=FIXES["read"])
+    with as_result_error("read", path):
+        file = h5py.File(path, "r", locking=False)
+        if not _is_result(file):
+            raise ResultError(f"{path} is no result of a run", fix=FIXES["read"])
+    return file
 
 
 def _is_result(file: Any) -> bool:

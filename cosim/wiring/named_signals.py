@@ -9,7 +9,7 @@ from cosim.errors import CosimError, UnknownPort
 from cosim.language.reader import endpoint
 from cosim.language.requirement import RequirementEntry, told
 from cosim.language.source import Node
-from cosim.wiring import meaning, required, windows
+from cosim.wiring import meaning, windows
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Signal
 
@@ -46,6 +46,8 @@ def _known(draft: Draft, node: Node) -> Signal | None:
 
 def _check_requirement(draft: Draft, requirement: RequirementEntry) -> None:
     """What a formula names is there, and fits."""
+    from cosim.wiring import required  # with all that follows formulas
+
     nodes = [replace(node, value=str(node.value).partition("[")[0]) for node in requirement.signals.values()]
     known = [_known(draft, node) for node in nodes]  # all of them: each has its report
     if all(known):

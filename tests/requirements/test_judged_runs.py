@@ -2,13 +2,14 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
 from cosim.engine import run
 from cosim.export.exporter import export_fmu
 from cosim.language import diagram as diagrams
-from cosim.results.result_file import open_result, read_requirements
+from cosim.results.result_file import open_result, read_attributes, requirements_in
 from cosim.terminal import cli
 from tests.interrupted import assert_same, executed, killed
 
@@ -152,7 +153,8 @@ def test_a_resumed_run_has_the_same_verdicts_to_the_bit(wired, tmp_path):
     assert again[1].resumed > 0
     assert_same(whole, again)
     assert whole[1].requirements == again[1].requirements
-    assert read_requirements(tmp_path / "whole.nc") == read_requirements(tmp_path / "again.nc")
+    whole, again = (read_attributes(tmp_path / name) for name in ("whole.nc", "again.nc"))
+    assert requirements_in(whole) == requirements_in(again)
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
@@ -455,9 +457,10 @@ def test_compare_shows_margins_and_a_changed_verdict_is_a_difference(cosim, writ
 
 def test_the_file_of_a_result_has_the_verdicts(cosim, write):
     cosim("run", write(SWING + FORMULAS), "-o", "a.nc")
-    found = read_requirements("a.nc")
+    said = read_attributes(Path("a.nc"))
+    found = requirements_in(said)
     assert found["below"]["margin"] == 0.5 and found["flags"]["margin"] == math.inf
-    assert list(read_requirements("a.nc", {"below": "always(swing.x < 1.5)"})) == ["below"]
+    assert list(requirements_in(said, {"below": "always(swing.x < 1.5)"})) == ["below"]
 
 
 def test_a_program_asks_a_run_for_them(write):

@@ -25,7 +25,7 @@ from cosim.errors import ResultError
 from cosim.results.csv_table import write_csv
 from cosim.results.growing_file import CLOSING_BYTES
 from cosim.results.recorded import Recorded
-from cosim.results.result_file import is_result, open_result, read_metrics
+from cosim.results.result_file import is_result, metrics_in, open_result, read_attributes
 from cosim.results.result_writer import ResultWriter, previous_path
 
 SIGNALS = [
@@ -93,7 +93,7 @@ def test_reads_back_what_was_written(tmp_path):
         x = result.signals["plant.x"]
         assert (x.shape, x.fleet, x.unit, x.causality) == ((6, 3), "robot", "m, m, rad", "output")
         assert result.signals["count.k"].unit is None
-    metrics = read_metrics(path)
+    metrics = metrics_in(read_attributes(path))
     assert math.isnan(metrics.pop("gap"))
     assert metrics == {"N_x": 5.1e-7, "far": math.inf, "never": None, "hits": [{"pair": [1, 6], "time": 2.345}]}
     assert [p.name for p in path.parent.iterdir()] == ["run.nc"]
@@ -216,7 +216,7 @@ def test_a_running_result_can_be_watched(tmp_path):
     watch = "import sys, xarray; print(xarray.open_dataset(sys.argv[1], engine='h5netcdf').sizes['time'])"
     seen = subprocess.run([sys.executable, "-c", watch, path], capture_output=True, text=True, check=True)
     assert seen.stdout == "10\n"
-    assert read_metrics(path) == {}
+    assert metrics_in(read_attributes(path)) == {}
     writer.close("completed")
 
 
@@ -243,7 +243,7 @@ def test_flushed_samples_survive_sigkill(tmp_path):
     check_samples(path, 2000)
     with xarray.open_dataset(path, engine="h5netcdf") as data:
         assert data.sizes["time"] == 2000 and data.attrs["status"] == "running"
-    assert read_metrics(path) == {}
+    assert metrics_in(read_attributes(path)) == {}
     write(path, 10)
     check_samples(previous_path(path), 2000)
 
@@ -410,7 +410,7 @@ def test_what_is_no_result_cannot_be_opened(tmp_path):
         with pytest.raises(ResultError, match=path.name):
             open_result(path)
         with pytest.raises(ResultError):
-            read_metrics(path)
+            metrics_in(read_attributes(path))
 
 
 def test_an_unknown_signal_is_answered_with_the_nearest(tmp_path):
@@ -544,4 +544,4 @@ def test_a_file_of_before_conditions_were_kept_is_read(tmp_path):
     with h5py.File(path, "r+") as file:
         del file.attrs["conditions"]
     check_samples(path, 2500)
-    assert read_metrics(path)["N_x"] == 5.1e-7
+    assert metrics_in(read_attributes(path))["N_x"] == 5.1e-7

@@ -17,7 +17,7 @@ from cosim.machine import files
 from cosim.results import csv_table, result_file
 from cosim.results.metrics import for_json
 from cosim.results.result_writer import previous_path
-from cosim.terminal import requirement_display, screen
+from cosim.terminal import screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED, UNCERTAIN, VIOLATED
 
@@ -77,14 +77,14 @@ def run(options: argparse.Namespace) -> int:
 def _previous(path: Path, run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     """The metrics and the verdicts of the run before that were of the same."""
     formulas = {name: entry.text for name, entry in run.network.diagram.requirements.items()}
-    metrics = result_file.read_metrics(path, run.reductions.meanings)
-    return metrics, result_file.read_requirements(path, formulas)
+    said = result_file.read_attributes(path)
+    return result_file.metrics_in(said, run.reductions.meanings), result_file.requirements_in(said, formulas)
 
 
 def _tell_end(ended: NothingToResume, output: Path, options: argparse.Namespace) -> int:
     """Of a run that was to go on and had come to its end before, say that."""
     if options.json:
-        metrics = for_json(result_file.read_metrics(output))
+        metrics = for_json(result_file.metrics_in(result_file.read_attributes(output)))
         content = {"diagram": str(options.diagram), "status": ended.status, "metrics": metrics, "results": str(output)}
         print(json.dumps({**content, "message": ended.message}, ensure_ascii=False))
     else:
@@ -117,6 +117,14 @@ def _exit_code(outcome: Outcome) -> int:
     return VIOLATED if outcome.kept is False else DONE
 
 
+def _report_requirements(outcome: Outcome, previous: dict[str, Any] | None, certificate: Certificate | None) -> None:
+    from cosim.terminal import requirement_display
+
+    print(end="\n" if outcome.metrics else "")
+    margins = {name: accuracy.error for name, accuracy in certificate.requirements.items()} if certificate else {}
+    requirement_display.show(outcome.requirements.values(), previous, margins)
+
+
 def _report(
     outcome: Outcome, previous: tuple[dict[str, Any], dict[str, Any]] | None, certificate: Certificate | None
 ) -> None:
@@ -125,9 +133,7 @@ def _report(
     if outcome.metrics:
         screen.metrics_table(outcome.metrics, metrics, outcome.units, outcome.windows, errors=errors)
     if outcome.requirements:
-        print(end="\n" if outcome.metrics else "")
-        margins = {name: accuracy.error for name, accuracy in certificate.requirements.items()} if certificate else {}
-        requirement_display.show(outcome.requirements.values(), judged, margins)
+        _report_requirements(outcome, judged, certificate)
     if certificate:
         from cosim.terminal import accuracy_display
 
