@@ -1,10 +1,13 @@
 """The process of the command line: from its first instant to its last, a signal ends it without a traceback."""
 
+import gc
 import signal
 import sys
 
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until `main` listens
+if gc.isenabled():
+    gc.set_threshold(100_000)  # what a start makes stays, and to look through it again and again takes a tenth of one
 
 from cosim.machine import interruption
 from cosim.terminal.cli import main

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from cosim.compiling.fingerprint import bytecode
+from cosim.compiling.fingerprint import bytecode, own_files
 from cosim.compiling.fingerprint.text import fingerprint, obstacle
 from cosim.machine import cache, installed
 
@@ -399,3 +399,32 @@ def test_all_files_that_say_what_code_a_function_becomes_are_in_the_key():
                 module = node.module.removeprefix("cosim.").replace(".", "/")
                 todo += [module, *(f"{module}/{alias.name}" for alias in node.names)]
     assert found == set(cache.COMPILING)
+
+
+def test_the_frameworks_own_code_is_known_by_all_files_that_it_imports(tmp_path, monkeypatch):
+    """Beside those that the key has anyway: whatever of them is another, so is the text."""
+    monkeypatch.setattr(own_files, "_ROOT", tmp_path)
+    files = {
+        "engine": "from cosim.near import one\nfrom cosim.house import (\n    inner,\n    other,\n)\n",
+        "near": "def one():\n    from cosim.late import two\n    return two\n",
+        "late": "two = 2\n",
+        "house/inner": "",
+        "house/other": "import math\n",
+        "house/alone": "",
+    }
+    (tmp_path / "cosim" / "house").mkdir(parents=True)
+    for name, text in files.items():
+        (tmp_path / "cosim" / f"{name}.py").write_text(text)
+
+    def text():
+        own_files._digest.cache_clear()
+        return own_files._digest(tmp_path / "cosim" / "engine.py")
+
+    before, changing = text(), set()
+    for name, content in files.items():
+        (tmp_path / "cosim" / f"{name}.py").write_text(f"{content}# another\n")
+        if text() != before:
+            changing.add(name)
+        (tmp_path / "cosim" / f"{name}.py").write_text(content)
+    assert text() == before and changing == files.keys() - {"house/alone"}
+    own_files._digest.cache_clear()
