@@ -25,6 +25,7 @@ FLOORS = (
     "wiring",
     "engine",
     "tracing",
+    "profiling",
     "study",
     "accuracy",
     "search",

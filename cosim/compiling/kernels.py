@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import time as clock
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -33,6 +34,7 @@ class Module:
     key: str
     compiled_now: bool
     sources: tuple[KernelSource, ...]
+    seconds: float = 0.0  # that it took to compile, of wall-clock time
 
     @cached_property
     def meaning(self) -> str:
@@ -83,10 +85,11 @@ def module(name: str, sources: Iterable[KernelSource]) -> Module:
     _say(name.partition("-")[0], once)
     from cosim.compiling import compiler
 
+    began = clock.perf_counter()
     code, key = compiler.compile_object(name, sources), _key(s.symbol + s.fingerprint for s in sources)
     if not once:
         cache.write(_entry(name, key), code)
-    return Module(name, code, key, True, sources)
+    return Module(name, code, key, True, sources, clock.perf_counter() - began)
 
 
 def kept(name: str, sources: Sequence[KernelSource]) -> Module | None:

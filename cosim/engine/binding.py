@@ -20,6 +20,8 @@ from cosim.master import integration, loop, tables
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 _handles = count(1)
+#: Of the addresses of a program's calls: other rows and phases of the same meaning, and the addresses of their calls.
+Walked = Callable[[list[int]], tuple[np.ndarray, np.ndarray, list[int]]]
 
 
 class Binding:
@@ -100,15 +102,19 @@ class Binding:
         run = interpretation.Interpreted(function.python, work, declaration.compiled)
         return interpretation.python_of(self._arena, call, run, self._texts, self.causes)
 
-    def fill(self, buffers: Buffers) -> None:
-        """Fill the control block."""
+    def fill(self, buffers: Buffers, walked: Walked | None = None) -> None:
+        """Fill the control block; walked: gives what the loop walks in place of the program itself."""
         program, control = self._program, self._control
+        rows, phases, functions = program.rows, program.phase_words(), self._functions
+        if walked:
+            rows, phases, functions = walked(functions)
+            self._keep.append(walked)
         control[:] = program.control()
         for word, array in (
-            (tables.ROWS, program.rows),
+            (tables.ROWS, rows),
             (tables.BANKS, program.banks),
-            (tables.PHASE, program.phase_words()),
-            (tables.FUNCTIONS, np.array(self._functions, np.int64)),
+            (tables.PHASE, phases),
+            (tables.FUNCTIONS, np.array(functions, np.int64)),
             (tables.GROUPS, buffers.groups),
             (tables.PROBES, buffers.rows),
         ):

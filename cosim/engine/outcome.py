@@ -74,6 +74,7 @@ class Outcome:
     accuracy: dict[str, Any] = field(default_factory=dict)  # of metrics, where somebody has asked for it
     swaps: list[str] = field(default_factory=list)  # what each block keeps and drops whose type a layer replaces
     stepping: Stepping | None = None  # where a tolerance chose the steps
+    profile: dict[str, Any] = field(default_factory=dict)  # what the time went to, where somebody has asked for it
     resumed: float | None = None
     checkpoint: tuple[str, float] | None = None
 
@@ -118,6 +119,8 @@ class Outcome:
             content["requirements"] = self.margins
         if self.accuracy:
             content["accuracy"] = self.accuracy
+        if self.profile:
+            content["profile"] = self.profile
         if self.swaps:
             content["swaps"] = self.swaps
         if self.stepping:

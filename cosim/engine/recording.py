@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from cosim.results.result_writer import ResultWriter
 from cosim.wiring import sizes
 from cosim.wiring.network import Network, Signal
 
+FLUSH_SECONDS = 1.0
 _SETTINGS = ("stop", "step", "method", "extrapolation", "coupling_tolerance", *INTEGRATION)
 
 
@@ -70,8 +72,10 @@ def described(network: Network, probes: Probes) -> list[Recorded]:
 
 
 def append(writer: ResultWriter, samples: Samples) -> None:
-    """Record a batch."""
+    """Record a batch; who looks into the file meanwhile finds what is no older than FLUSH_SECONDS and a batch."""
     writer.append(samples.times, {str(signal): array for signal, array in samples.values.items()})
+    if clock.perf_counter() - writer.flushed > FLUSH_SECONDS:
+        writer.flush()
 
 
 def write(

@@ -13,6 +13,7 @@ from cosim.engine.outcome import Event
 from cosim.engine.probes import Samples
 from cosim.errors import CosimError, FormulaError, MetricError
 from cosim.language.requirement import told
+from cosim.machine.stopwatch import Stopwatch
 from cosim.results import metrics
 from cosim.results.metrics import Events, Final, Reduction
 from cosim.wiring import conditions, windows
@@ -39,6 +40,7 @@ class Reductions:
         self.violated: Verdict | None = None  # of these
         self._events = {} if margins else _events(network)
         self._courses = {} if margins else _courses(network)
+        self.stopwatch = Stopwatch()
 
     @property
     def signals(self) -> tuple[Signal, ...]:
@@ -69,11 +71,17 @@ class Reductions:
 
     def update(self, samples: Samples) -> None:
         """Take a batch of `signals`."""
-        for signal, reduction in (*self.metrics.values(), *self._events.values()):
-            if not self._at_end(reduction):
-                reduction.update(samples.times, samples.values[signal])
-        for signal, courses in self._courses.items():
-            courses.update(samples.times, samples.values[signal])
+        with self.stopwatch.lap("metrics and conditions"):
+            for signal, reduction in (*self.metrics.values(), *self._events.values()):
+                if not self._at_end(reduction):
+                    reduction.update(samples.times, samples.values[signal])
+            for signal, courses in self._courses.items():
+                courses.update(samples.times, samples.values[signal])
+        if self.monitors:
+            with self.stopwatch.lap("requirements"):
+                self._judge(samples)
+
+    def _judge(self, samples: Samples) -> None:
         for name, monitor in self.monitors.items():
             try:
                 monitor.update(samples.times, {key: samples.values[key] for key in monitor.keys})

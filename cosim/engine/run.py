@@ -30,6 +30,7 @@ from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
 from cosim.machine import interruption
 from cosim.machine.interruption import Interrupted, Interruption
+from cosim.machine.stopwatch import START, Stopwatch
 from cosim.results.result_writer import ResultWriter
 from cosim.wiring import conditions, resolution, unseen_jumps
 from cosim.wiring.network import Finding, Network
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from cosim.engine.checkpoints import Checkpoints
     from cosim.requirements.verdict import Verdict
 
-FLUSH_SECONDS = 1.0
 STEPS_BEFORE_END = 100
 """After whose multiples a violation is looked for that ends the run: at the same time whatever the machine's speed."""
 ENGINES = ("native", "python")
@@ -53,8 +53,13 @@ def load(path: str | Path, settings: Iterable[str] = (), swaps: Iterable[str] = 
     if Path(path).suffix.lower() == ".fmu":
         from cosim.wiring import fmu_alone  # with all that FMUs need
 
-        return resolution.wire(fmu_alone.load(Path(path), settings, swaps, problems), problems, code)
-    return resolution.wire(diagrams.load(path, settings, swaps, problems), problems, code)
+        with START.lap("reading"):
+            diagram = fmu_alone.load(Path(path), settings, swaps, problems)
+    else:
+        with START.lap("reading"):
+            diagram = diagrams.load(path, settings, swaps, problems)
+    with START.lap("wiring"):
+        return resolution.wire(diagram, problems, code)
 
 
 class Run:
@@ -91,7 +96,8 @@ class Run:
         self.attributes = dict(attributes or {})
         self.checkpoints = _checkpoints(output, checkpoint, resume)
         self.reductions = Reductions(network, engine == "native", margins)
-        self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
+        with START.lap("building"):
+            self._program = prepared[0] if prepared else program.build(network, network.diagram.run.method)
         self._kernels = prepared[1] if prepared else None
         self.steps = _steps(network, until)
         self.looks = prepared is None  # whether equal steps are stable, and see all jumps: of many runs nobody asks
@@ -99,6 +105,7 @@ class Run:
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self.samples = Kept(network, _probes(self.network, self.reductions)[1]) if kept else None
         self._executed = False
+        self.stopwatch = Stopwatch()  # of what is done between batches
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
     @cached_property
@@ -107,11 +114,13 @@ class Run:
         began = clock.perf_counter()
         kernels = self._kernels
         if kernels is None:
-            kernels = compilation.compile_program(self._program)  # interpreted too: both refuse the same
+            with START.lap("compiling"):
+                kernels = compilation.compile_program(self._program)  # interpreted too: both refuse the same
             self._kernels = kernels
             self.kernels_compiled = kernels.compiled if self.engine == "native" else 0
         if self.engine == "native":
-            kernels.load()
+            with START.lap("linking"):
+                kernels.load()
         compiled = clock.perf_counter()
         probes = _probes(self.network, self.reductions)
         made = Simulation(self._program, kernels if self.engine == "native" else None, probes)
@@ -161,7 +170,7 @@ class Run:
             status = "interrupted"
         figures, wrong = self.reductions.values(self.simulation.time, self.simulation.value)
         status, error = ("failed", wrong) if status == "completed" and wrong else (status, error)
-        outcome = self._outcome(status, error, figures)
+        outcome = _outcome(self, status, error, figures)
         outcome.termination = _end_of(self.reductions.violated) or self.simulation.termination
         outcome.warnings += self.simulation.warnings()
         outcome.signal = interrupted.number or outcome.signal
@@ -172,7 +181,7 @@ class Run:
         return outcome
 
     def _solve(self, writer: ResultWriter | None, watch: Callable[[float], None], interrupted: Interruption) -> None:
-        began = flushed = clock.perf_counter()
+        began = clock.perf_counter()
         aside = 0.0
 
         def wanted() -> bool:
@@ -180,28 +189,28 @@ class Run:
 
         try:
             self.simulation.breakable = interrupted.breakable
-            self.simulation.initialize(wanted)
+            with START.lap("initializing"):
+                self.simulation.initialize(wanted)
             interrupted.raise_if_wanted()
             aside += self._look(wanted)
             if self.checkpoints and writer:
                 self.checkpoints.start(self.simulation, self.reductions, writer)
-            for stepwise, recorded in self.simulation.batches(wanted):
-                resumed = clock.perf_counter()
-                self.reductions.update(stepwise)
-                if self.samples:
-                    self.samples.append(recorded)
-                if writer:
-                    recording.append(writer, recorded)
-                    if resumed - flushed > FLUSH_SECONDS:
-                        writer.flush()
-                        flushed = resumed
-                watch(self.simulation.time)
-                if self.checkpoints and writer:
-                    self.checkpoints.follow(self.simulation, self.reductions, writer, interrupted.wanted)
-                aside += clock.perf_counter() - resumed
-                interrupted.raise_if_wanted()
-                if not self.simulation.done % self.simulation.looks_at and self.reductions.ends():
-                    break
+            with self.stopwatch.lap("stepping"):
+                for stepwise, recorded in self.simulation.batches(wanted):
+                    resumed = clock.perf_counter()
+                    self.reductions.update(stepwise)
+                    if self.samples:
+                        self.samples.append(recorded)
+                    if writer:
+                        with self.stopwatch.lap("recording"):
+                            recording.append(writer, recorded)
+                    watch(self.simulation.time)
+                    if self.checkpoints and writer:
+                        self.checkpoints.follow(self.simulation, self.reductions, writer, interrupted.wanted)
+                    aside += clock.perf_counter() - resumed
+                    interrupted.raise_if_wanted()
+                    if not self.simulation.done % self.simulation.looks_at and self.reductions.ends():
+                        break
             self.simulation.close()
         except BaseException:
             with suppress(CosimError):  # what comes after a failure is no news
@@ -228,36 +237,6 @@ class Run:
         about = {**recording.about(self.network, self.engine, self.reductions), **more}
         return ResultWriter(self.output, recording.described(self.network, self.simulation.probes[1]), about, state)
 
-    def _outcome(self, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
-        diagram = self.network.diagram
-        judged, warnings, signal = _judged(self.network, self.reductions)
-        failed = [conditions.as_warning(self.network, finding) for finding in judged if finding.holds is False]
-        coarse = _coarse(self.network, self.simulation)
-        unseen = unseen_jumps.warnings(self.network) if self.looks else ()
-        return Outcome(
-            diagram=str(diagram.path),
-            status="interrupted" if signal else status,
-            steps=self.simulation.steps,
-            time=self.simulation.time,
-            method=diagram.run.method,
-            engine=self.engine,
-            kernels_compiled=self.kernels_compiled,
-            seconds={name: round(value, 6) for name, value in self.seconds.items()},
-            metrics=figures,
-            results=str(self.output) if self.output else None,
-            inner_steps=step_counts.inner_steps(self._program, self.simulation.arena),
-            error=error,
-            events=self.reductions.events(),
-            signal=signal,
-            warnings=[*self.reductions.warnings, *self.unstable, *warnings, *failed, *coarse, *unseen],
-            conditions=judged,
-            requirements=self.reductions.verdicts(status == "completed" and self.steps == diagram.run.steps),
-            units=self.reductions.units,
-            windows=self.reductions.windows,
-            swaps=[str(swap) for swap in self.network.swaps],
-            stepping=step_counts.stepping(self._program, self.simulation.control),
-        )
-
 
 def _checkpoints(output: Path | None, every: str | None, resume: bool) -> Checkpoints | None:
     """What keeps checkpoints, where somebody wants some. Raises: WrongValue without a result."""
@@ -279,6 +258,37 @@ def _probes(network: Network, reductions: Reductions) -> list[Probes]:
     record, grid = network.diagram.record, network.schedule.grid
     every = grid * round(record.period / network.diagram.run.step) if record else grid
     return [Probes(reductions.signals, grid), Probes(network.recorded, every)]
+
+
+def _outcome(run: Run, status: str, error: CosimError | None, figures: dict[str, Any]) -> Outcome:
+    diagram = run.network.diagram
+    judged, warnings, signal = _judged(run.network, run.reductions)
+    failed = [conditions.as_warning(run.network, finding) for finding in judged if finding.holds is False]
+    coarse = _coarse(run.network, run.simulation)
+    unseen = unseen_jumps.warnings(run.network) if run.looks else ()
+    return Outcome(
+        diagram=str(diagram.path),
+        status="interrupted" if signal else status,
+        steps=run.simulation.steps,
+        time=run.simulation.time,
+        method=diagram.run.method,
+        engine=run.engine,
+        kernels_compiled=run.kernels_compiled,
+        seconds={name: round(value, 6) for name, value in run.seconds.items()},
+        metrics=figures,
+        results=str(run.output) if run.output else None,
+        inner_steps=step_counts.inner_steps(run.simulation.program, run.simulation.arena),
+        error=error,
+        events=run.reductions.events(),
+        signal=signal,
+        warnings=[*run.reductions.warnings, *run.unstable, *warnings, *failed, *coarse, *unseen],
+        conditions=judged,
+        requirements=run.reductions.verdicts(status == "completed" and run.steps == diagram.run.steps),
+        units=run.reductions.units,
+        windows=run.reductions.windows,
+        swaps=[str(swap) for swap in run.network.swaps],
+        stepping=step_counts.stepping(run.simulation.program, run.simulation.control),
+    )
 
 
 def _end_of(violated: Verdict | None) -> CosimError | None:

@@ -18,7 +18,7 @@ from cosim.authoring.foreign import LoopWords, Part
 from cosim.compiling.kernels import Kernels
 from cosim.engine import failures, hosts
 from cosim.engine.allocation import copy_of
-from cosim.engine.binding import Binding
+from cosim.engine.binding import Binding, Walked
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
 from cosim.errors import CosimError, Terminated
@@ -42,10 +42,13 @@ LARGEST_BATCH = 1 << 40
 class Simulation:
     """A run of a program on its own copy of the arena. Nothing is started before `initialize`.
 
-    kernels: from `compile_program` for the compiled engine; None interprets everything as plain Python.
+    kernels: from `compile_program` for the compiled engine; None interprets everything as plain Python. walked: what
+    the loop walks in place of the program itself. spent: how long batches took so far (s).
     """
 
-    def __init__(self, program: Program, kernels: Kernels | None, probes: Sequence[Probes] = ()) -> None:
+    def __init__(
+        self, program: Program, kernels: Kernels | None, probes: Sequence[Probes] = (), walked: Walked | None = None
+    ) -> None:
         self.program = program
         self.kernels = kernels
         self.ticks = program.network.diagram.run.steps * program.network.schedule.grid
@@ -60,6 +63,7 @@ class Simulation:
         self.termination: Terminated | None = None
         self.rests_at = self.looks_at = LARGEST_BATCH  # ticks: a batch goes no further than the next multiple of both
         self.resting = False  # whether what is known is that of a communication point which is still ahead
+        self.spent, self._walked = 0.0, walked
         self._interpreted = kernels is None and not self._forked
         self._initialized = False
         self._binding: Binding | None = None
@@ -75,7 +79,7 @@ class Simulation:
     def _open(self) -> hosts.Here | hosts.Forked:
         """The host of the loop, with the instances of foreign blocks. Raises: CosimError."""
         binding = self._binding = Binding(self.program, self.kernels, self.arena, self.control, self._zeros)
-        binding.fill(self.buffers)
+        binding.fill(self.buffers, self._walked)
         self._parts = {component.name: self._foreign_parts(component) for component in self._foreign}
         base, control = self.arena.ctypes.data, self.control.ctypes.data
         bound = {name: partial(function, 0.0, base, control) for name, function in binding.commands.items()}
@@ -174,6 +178,7 @@ class Simulation:
             began = clock.perf_counter()
             status, error = self._do_batch(wanted)
             spent = clock.perf_counter() - began
+            self.spent += spent
             finished = last == self.ticks and not self.control[tables.FINAL]
             ended = finished or self.control[tables.ENDING] == tables.ENDED
             self.resting = error is None and status <= tables.WARNING and not ended

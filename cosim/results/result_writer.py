@@ -7,6 +7,7 @@ until `flush`, so that between two flushes nothing on disk is touched.
 
 from __future__ import annotations
 
+import time
 import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -56,6 +57,7 @@ class ResultWriter:
         self._waiting: list[tuple[Array, dict[str, Array]]] = []
         self._waiting_bytes = 0
         self._count = 0
+        self.flushed = time.perf_counter()  # when that was done last
         self._summed, self._sums = 0, [0] * (1 + len(signals))  # up to which row, and what, see `state`
         if state is None:
             self._begin(about)
@@ -76,6 +78,7 @@ class ResultWriter:
 
     def flush(self) -> None:
         """Bring everything appended so far into the file, on a full disk as much as it takes. Raises: ResultError."""
+        self.flushed = time.perf_counter()
         if not self._waiting:
             return
         times = np.concatenate([times for times, _ in self._waiting])

@@ -88,7 +88,7 @@ def _table(console: Console, columns: Sequence[str], rows: Sequence[Sequence[str
     styles = {"metric": "bold", "requirement": "bold", "previous": "dim", "reduction": "dim", "smallest at": "dim"}
     table = Table(box=None if _ascii_only(console) else SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for name in columns:
-        right = name in ("value", "margin", "previous", "change")
+        right = name in ("value", "margin", "previous", "change", "µs a step", "share", "calls a step")
         table.add_column(name, justify="right" if right else "left", no_wrap=True, style=styles.get(name, ""))
     for row in rows:
         table.add_row(*(_text(console, (cell, "")) for cell in row))

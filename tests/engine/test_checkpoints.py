@@ -8,7 +8,7 @@ import os
 import numpy as np
 import pytest
 
-from cosim.engine import run, run_state
+from cosim.engine import recording, run, run_state
 from cosim.engine.checkpoints import Interval
 from cosim.engine.courses import Courses
 from cosim.engine.run import Run
@@ -71,7 +71,7 @@ metrics:
 @pytest.fixture(autouse=True)
 def _every_batch_is_flushed(monkeypatch):
     """So that a result has rows behind those of the checkpoint."""
-    monkeypatch.setattr(run, "FLUSH_SECONDS", 0.0)
+    monkeypatch.setattr(recording, "FLUSH_SECONDS", 0.0)
 
 
 @pytest.fixture

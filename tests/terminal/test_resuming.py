@@ -35,9 +35,9 @@ metrics:
 """
 OFTEN = """
 import sys
-from cosim.engine import run
+from cosim.engine import recording
 from cosim.terminal import cli
-run.FLUSH_SECONDS = 0.0
+recording.FLUSH_SECONDS = 0.0
 from cosim.engine.simulation import Simulation
 batches = Simulation.batches
 def told(self, *arguments):

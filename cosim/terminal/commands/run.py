@@ -17,12 +17,13 @@ from cosim.machine import files
 from cosim.results import csv_table, result_file
 from cosim.results.metrics import for_json
 from cosim.results.result_writer import previous_path
-from cosim.terminal import screen
+from cosim.terminal import profile_display, screen
 from cosim.terminal.commands.options import diagram_arguments, load_network
 from cosim.terminal.exits import BY_SIGNAL, DONE, STOPPED, UNCERTAIN, VIOLATED
 
 if TYPE_CHECKING:
     from cosim.accuracy.certificate import Certificate
+    from cosim.profiling.profile import Profile
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write the recorded signals as CSV too")
     help_ = "say how wrong each metric may be, by four more runs: 9 times the work in all"
     parser.add_argument("--error", action="store_true", help=help_)
+    help_ = "say what the time goes to: blocks and their functions, integration, figures, the start; by a second run"
+    parser.add_argument("--profile", action="store_true", help=help_)
     help_ = "keep a checkpoint beside the result: every so many simulated seconds, or 10min, 2h of wall-clock time"
     parser.add_argument("--checkpoint", metavar="EVERY", help=help_)
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint of a run that did not end")
@@ -46,6 +49,10 @@ def run(options: argparse.Namespace) -> int:
     if options.error and (options.checkpoint or options.resume):
         raise UsageError(
             "--error makes further runs, which keep no checkpoints", fix=f"cosim accuracy {options.diagram}"
+        )
+    if options.profile and (options.resume or options.engine != ENGINES[0]):
+        raise UsageError(
+            "--profile times compiled code along a whole run", fix="leave out --resume and --engine python"
         )
     if not options.resume:  # a result whose run was killed may be in pieces
         result_file.refuse_foreign(output)
@@ -62,16 +69,37 @@ def run(options: argparse.Namespace) -> int:
             outcome = run.execute(progress.update)
     except NothingToResume as ended:
         return _tell_end(ended, output, options)
+    profile = _profile(run, outcome) if options.profile else None
     certificate = certify(outcome)
     if options.json:
         print(outcome.as_json())
     else:
         _report(outcome, previous, certificate)
+    if profile and not options.json:
+        profile_display.show(profile)
     if outcome.error:
         screen.print_errors(outcome.error)
     _write_csv(output, options)
     uncertain = options.error and (certificate is None or certificate.changing)
     return _exit_code(outcome) or (UNCERTAIN if uncertain or outcome.kept is None else DONE)
+
+
+def _profile(run: Run, outcome: Outcome) -> Profile | None:
+    """What the time of a run went to, noted in its outcome; None, and a warning there, where that cannot be told."""
+    from cosim.profiling import profile
+
+    if outcome.status != "completed":
+        return None
+    try:
+        made = profile.profile(run)
+    except CosimError as error:
+        outcome.warnings.append(CosimError(f"no profile: {error.message}", error.position, error.fix))
+        return None
+    except KeyboardInterrupt as stopped:
+        stopped.add_note(f"before the profile was known; the run itself is recorded in {run.output}")
+        raise
+    outcome.profile = made.as_json()
+    return made
 
 
 def _previous(path: Path, run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
