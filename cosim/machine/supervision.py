@@ -40,6 +40,14 @@ def never() -> bool:
     return False
 
 
+def fate(code: int) -> str:
+    """How a process ended, in words; code: its exit code, or less than zero, the signal that ended it."""
+    if code >= 0:
+        return f"exit() with code {code}"
+    name = signal.Signals(-code).name if -code in signal.valid_signals() else f"signal {-code}"
+    return _SIGNALS.get(name, name)
+
+
 class Ended(Exception):
     """A process is gone, or had to be killed; how: in words; hung: whether it was killed for its silence."""
 
@@ -114,11 +122,7 @@ class Process:
     def _fate(self, grace: float) -> str:
         if not self._left(grace) or self._status == _CUT_OFF << 8:
             return "it closed files that are not its own"
-        if os.WIFSIGNALED(self._status):
-            number = os.WTERMSIG(self._status)
-            name = signal.Signals(number).name if number in signal.valid_signals() else f"signal {number}"
-            return _SIGNALS.get(name, name)
-        return f"exit() with code {os.waitstatus_to_exitcode(self._status)}"
+        return fate(os.waitstatus_to_exitcode(self._status))
 
 
 class Patience:

@@ -11,9 +11,8 @@ import numpy as np
 from cosim.errors import PlotError
 from cosim.language.reader import endpoint
 from cosim.plot.plane import read_beside, read_positions
-from cosim.plot.signals import units_of
+from cosim.plot.signals import Drawable, units_of
 from cosim.results import diagram_differences
-from cosim.results.result_file import Result
 
 PORTS = {
     "positions": "x",
@@ -46,7 +45,7 @@ class Motion:
         return {part: name for part in PORTS if (name := getattr(self, part))}
 
 
-def find(result: Result, motion: Motion) -> Motion:
+def find(result: Drawable, motion: Motion) -> Motion:
     """The motion with the recorded signals for what it leaves open, and nothing where there is none.
 
     They are those that the diagram names in its section `animation`; where it has none, those of the ports in PORTS.
@@ -74,20 +73,20 @@ def find(result: Result, motion: Motion) -> Motion:
     return motion
 
 
-def _declared(result: Result) -> dict[str, str]:
+def _declared(result: Drawable) -> dict[str, str]:
     """What the diagram of a result says of its animation."""
     said = (diagram_differences.read(result) or {}).get("animation", {})
     return {part: str(name) for part, name in said.items() if part in PORTS} if isinstance(said, dict) else {}
 
 
-def _recorded(result: Result, part: str, name: str) -> str:
+def _recorded(result: Drawable, part: str, name: str) -> str:
     if name and name not in result.signals:
         message = f"{result.path} has not recorded `{name}`, which its diagram names as `animation.{part}`"
         raise PlotError(message, fix=f"add {name} to `record.signals`, or say which: --{part} a.b")
     return name
 
 
-def _fits(result: Result, part: str, motion: Motion) -> Callable[[str], bool]:
+def _fits(result: Drawable, part: str, motion: Motion) -> Callable[[str], bool]:
     """Whether a signal has the shape of a part: that of positions, or one that goes with them."""
 
     def fits(name: str) -> bool:
@@ -126,7 +125,7 @@ class Bodies:
         return low - margin, high + margin
 
 
-def read(result: Result, motion: Motion) -> Bodies:
+def read(result: Drawable, motion: Motion) -> Bodies:
     """What moves in a run, by a motion that `find` has completed. Raises: PlotError, ResultError."""
     name = motion.positions or ""
     x = read_positions(result, name)

@@ -11,8 +11,7 @@ import numpy as np
 
 from cosim.errors import PlotError, Position
 from cosim.plot import style
-from cosim.plot.signals import read
-from cosim.results.result_file import Result
+from cosim.plot.signals import Drawable, read
 
 _BESIDE = {"references": (2, 2), "radii": (1, 0), "neighbours": (2, 1), "weights": (2, 1)}
 """What goes with bodies: how many axes it has, and how many elements along the second one at least."""
@@ -39,7 +38,7 @@ class Plane:
     places: Mapping[str, Position] = field(default_factory=dict)
 
 
-def read_positions(result: Result, name: str, place: Position | None = None) -> np.ndarray:
+def read_positions(result: Drawable, name: str, place: Position | None = None) -> np.ndarray:
     """Where bodies are (k, bodies, at least 2), NaN where that is not finite. Raises: PlotError, ResultError."""
     _, x = read(result, name)
     if x.ndim != 3 or x.shape[2] < 2:
@@ -53,7 +52,7 @@ def read_positions(result: Result, name: str, place: Position | None = None) -> 
 
 
 def read_beside(
-    result: Result, part: str, name: str | None, count: int, place: Position | None = None
+    result: Drawable, part: str, name: str | None, count: int, place: Position | None = None
 ) -> np.ndarray | None:
     """What goes with so many bodies: references, radii, neighbours or weights. Raises: PlotError, ResultError."""
     if not name:
@@ -67,7 +66,7 @@ def read_beside(
     return values
 
 
-def draw(result: Result, plane: Plane) -> Any:
+def draw(result: Drawable, plane: Plane) -> Any:
     """A figure of one run; must be called within `style.style()`.
 
     All times are in one picture, unless bodies of different times would cover each other: then each has its own.
@@ -108,7 +107,7 @@ def draw(result: Result, plane: Plane) -> Any:
 class _Paths:
     """The ways of some bodies through the plane, those that they should take, and the bodies themselves."""
 
-    def __init__(self, result: Result, plane: Plane) -> None:
+    def __init__(self, result: Drawable, plane: Plane) -> None:
         places = plane.places
         self.x = read_positions(result, plane.positions, places.get("positions"))
         self.times = result.times

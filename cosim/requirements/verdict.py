@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from cosim.requirements.margins import NO_MARGIN
 from cosim.requirements.monitor import Robustness
-from cosim.results.formatting import format_with_error
+from cosim.results.formatting import format_change, format_with_error
 
 WORDS = {True: "kept", False: "violated", None: "undecided"}
 """What is said of a requirement that holds, does not, or is not known to."""
@@ -77,6 +78,13 @@ def verdict(name: str, formula: str, robustness: Robustness) -> Verdict:
         where=_where(moment.element, moment.fleets) if moment else "",
         reason=robustness.reason,
     )
+
+
+def change(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """What changed from one verdict to another: another word, or another margin."""
+    if first["holds"] is not second["holds"]:
+        return f"{WORDS[first['holds']]} → {WORDS[second['holds']]}"
+    return format_change(second["margin"], {"margin": first["margin"]}, "margin")
 
 
 def _where(element: tuple[int, ...], fleets: tuple[str | None, ...]) -> str:

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from cosim.requirements.verdict import WORDS, Verdict
+from cosim.requirements.verdict import WORDS, Verdict, change
 from cosim.results.comparison import Judgements
-from cosim.results.formatting import format_change, format_value
+from cosim.results.formatting import format_value
 from cosim.results.text_table import TextTable
 from cosim.terminal.screen import figures_table
 
@@ -38,13 +38,6 @@ def _beside(judged: Mapping[str, Any], previous: Judgements) -> list[str]:
     if name not in previous:
         return ["", "new"]
     return [format_value(previous[name]["margin"]), change(previous[name], judged)]
-
-
-def change(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
-    """What changed from one verdict to another: another word, or another margin."""
-    if first["holds"] is not second["holds"]:
-        return f"{WORDS[first['holds']]} → {WORDS[second['holds']]}"
-    return format_change(second["margin"], {"margin": first["margin"]}, "margin")
 
 
 def table(names: Sequence[str], judged: Sequence[Judgements]) -> TextTable:

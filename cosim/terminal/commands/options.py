@@ -22,5 +22,10 @@ def load_network(options: argparse.Namespace, code: bool = True, more: Sequence[
     """The wired diagram that the options name; code as of `wiring.wire`, more: settings. Raises: DiagramErrors."""
     from cosim.engine import run
 
-    settings = [f"run.{k}={v}" for k in ("stop", "step", "method") if (v := getattr(options, k)) is not None]
-    return run.load(options.diagram, [*options.set, *settings, *more], options.swap, code)
+    return run.load(options.diagram, [*settings_of(options), *more], options.swap, code)
+
+
+def settings_of(options: argparse.Namespace) -> list[str]:
+    """What --set and its short forms say."""
+    short = [f"run.{k}={v}" for k in ("stop", "step", "method") if (v := getattr(options, k)) is not None]
+    return [*options.set, *short]
