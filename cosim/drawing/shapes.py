@@ -21,7 +21,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Rectangle:
-    """From its upper left corner."""
+    """From its upper left corner. block: whose box it is."""
 
     x: float
     y: float
@@ -32,6 +32,7 @@ class Rectangle:
     line: float = 1.0
     dashed: bool = False
     tip: str = ""
+    block: str = ""
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ def _box(box: Box, placed: Places) -> Iterator[Rectangle | Word]:
     for behind in (6.0, 3.0) if box.fleet else ():
         yield Rectangle(x + behind, y + behind, width, height, fill, edge, 0.8)
     said = ["changed"] * box.changed + ["part of an algebraic loop"] * box.looped
-    yield Rectangle(x, y, width, height, fill, edge, line, box.looped, "\n".join([box.tip, *said]))
+    yield Rectangle(x, y, width, height, fill, edge, line, box.looped, "\n".join([box.tip, *said]), box.name)
     if box.kind == "diagram":
         yield Rectangle(x + 3, y + 3, width - 6, height - 6, "none", edge, 0.6)
     yield Word(x + width / 2, y + 16, short(box.name), 12, INK, "middle", True)

@@ -33,9 +33,10 @@ def _shape(shape: Rectangle | Line | Word) -> str:
 
 def _rectangle(r: Rectangle) -> str:
     dashes = ' stroke-dasharray="5 3"' if r.dashed else ""
+    block = f' data-block="{escape(r.block)}"' if r.block else ""
     return (
         f'<rect x="{r.x:.1f}" y="{r.y:.1f}" width="{r.width:.1f}" height="{r.height:.1f}" rx="4" fill="{r.fill}" '
-        f'stroke="{r.edge}" stroke-width="{r.line:g}"{dashes}>{_tip(r.tip)}</rect>\n'
+        f'stroke="{r.edge}" stroke-width="{r.line:g}"{dashes}{block}>{_tip(r.tip)}</rect>\n'
     )
 
 

@@ -4,8 +4,7 @@
   const NOWHERE = 65535, TRAIL = 3;
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer;
 
-  function start(root) {
-    const data = JSON.parse(root.querySelector("script").textContent);
+  function start(root, data = JSON.parse(root.querySelector("script").textContent)) {
     const canvas = root.querySelector("canvas"), pen = canvas.getContext("2d");
     const [button, slider, clock, speed] = ["button", "input", "output", "select"].map(q => root.querySelector(q));
     const n = data.count, times = data.times, last = times.length - 1, span = times[last] - times[0];
@@ -16,7 +15,8 @@
     const weights = data.weights && new Uint8Array(bytes(data.weights));
     const width = data.high[0] - data.low[0], height = data.high[1] - data.low[1];
     const LEFT = 46, BOTTOM = 34, TOP = 8, RIGHT = 10;
-    let at = 0, playing = false, before = 0, simulated = times[0], zoom = 1, w = 0, h = 0;
+    const paint = (name, usual) => getComputedStyle(root).getPropertyValue(name).trim() || usual;  // of the page
+    let hues = [], at = 0, playing = false, before = 0, simulated = times[0], zoom = 1, w = 0, h = 0;
 
     slider.max = last;
     for (const factor of [0.25, 0.5, 1, 2, 5, 10]) {
@@ -53,13 +53,15 @@
       return found;
     }
 
+    const hue = i => hues[i % hues.length];
+
     function frame() {
       const [bw, bh] = [width * zoom, height * zoom], name = data.unit ? ` (${data.unit})` : "";
       pen.clearRect(0, 0, w, h);
-      pen.strokeStyle = "#e2e2e2";
-      pen.fillStyle = "#333";
+      pen.strokeStyle = paint("--grid", "#e2e2e2");
+      pen.fillStyle = paint("--soft", "#333");
       pen.lineWidth = 1;
-      pen.font = "12px Georgia, serif";
+      pen.font = `12px ${getComputedStyle(root).fontFamily}`;
       pen.textAlign = "center";
       for (const t of ticks(data.low[0], data.high[0], bw)) {
         const p = LEFT + (t - data.low[0]) * zoom;
@@ -79,7 +81,7 @@
       pen.textAlign = "center";
       pen.fillText(`y${name}`, 0, 0);
       pen.restore();
-      pen.strokeStyle = "#777";
+      pen.strokeStyle = paint("--soft", "#777");
       pen.strokeRect(LEFT, TOP, bw, bh);
     }
 
@@ -110,7 +112,7 @@
         const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1, cut = size(i) + 1;
         const u = [(b[0] - a[0]) / length, (b[1] - a[1]) / length], tip = [b[0] - u[0] * cut, b[1] - u[1] * cut];
         pen.globalAlpha = Math.min(1, 0.25 + weight);
-        pen.strokeStyle = pen.fillStyle = "#555";
+        pen.strokeStyle = pen.fillStyle = paint("--soft", "#555");
         line(a, tip);
         pen.beginPath();
         pen.moveTo(...tip);
@@ -125,16 +127,16 @@
 
     function cross(i) {
       const q = place(references, at, i);
-      pen.strokeStyle = data.colours[i % data.colours.length];
+      pen.strokeStyle = hue(i);
       if (q) { line([q[0] - 4, q[1]], [q[0] + 4, q[1]]); line([q[0], q[1] - 4], [q[0], q[1] + 4]); }
     }
 
     function body(i) {
-      const p = place(x, at, i), colour = data.colours[i % data.colours.length], r = size(i);
+      const p = place(x, at, i), colour = hue(i), r = size(i);
       if (!p) return;
       pen.strokeStyle = colour;
       pen.lineWidth = 1.5;
-      pen.fillStyle = data.radii && r > 4 ? "white" : colour;
+      pen.fillStyle = data.radii && r > 4 ? paint("--card", "white") : colour;
       pen.beginPath();
       pen.arc(...p, r, 0, 2 * Math.PI);
       pen.fill();
@@ -145,20 +147,21 @@
         line([p[0] + r / 2 * c, p[1] + r / 2 * s], [p[0] + r * c, p[1] + r * s]);
       }
       if (r > 8) {
-        pen.fillStyle = "#111";
+        pen.fillStyle = paint("--ink", "#111");
         pen.textAlign = "center";
         pen.fillText(i + 1, p[0], p[1] + 4);
       }
     }
 
     function draw() {
+      hues = data.colours.map((usual, k) => paint(`--c${k}`, usual));
       frame();
       pen.save();
       pen.beginPath();
       pen.rect(LEFT, TOP, width * zoom, height * zoom);
       pen.clip();
       for (let i = 0; i < n; i++) {
-        pen.strokeStyle = data.colours[i % data.colours.length];
+        pen.strokeStyle = hue(i);
         pen.lineWidth = 1;
         trail(i);
       }
@@ -174,6 +177,21 @@
       at = Math.max(0, Math.min(last, k));
       simulated = times[at];
       draw();
+      tell();
+    }
+
+    const tell = () => root.dispatchEvent(new CustomEvent("time", { detail: times[at] }));
+
+    // Goes on from where another player is, of a run before.
+    function take(other) {
+      if (!other) return;
+      speed.value = other.speed;
+      const k = times.findIndex(t => t >= other.time - 1e-9);
+      at = k < 0 ? last : k;
+      simulated = times[at];
+      draw();
+      play(other.playing);
+      other.play(false);
     }
 
     function step(now) {
@@ -182,6 +200,7 @@
       before = now;
       while (at < last && times[at + 1] <= simulated) at++;
       draw();
+      tell();
       if (at >= last) play(false); else requestAnimationFrame(step);
     }
 
@@ -196,10 +215,14 @@
 
     button.addEventListener("click", () => play(!playing));
     slider.addEventListener("input", () => { play(false); show(Number(slider.value)); });
-    addEventListener("resize", resize);
+    new ResizeObserver(() => { if (canvas.clientWidth !== w) resize(); }).observe(canvas);
     resize();
-    root.cosim = { show, play, get at() { return at; }, get playing() { return playing; } };
+    root.cosim = {
+      show, play, take, get at() { return at; }, get playing() { return playing; }, get time() { return times[at]; },
+      get speed() { return speed.value; },
+    };
   }
 
-  document.querySelectorAll(".player").forEach(start);
+  window.startPlayer = start;
+  document.querySelectorAll(".player").forEach(root => start(root));
 })();
