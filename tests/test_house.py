@@ -35,6 +35,7 @@ FLOORS = (
     "project",
     "face",
     "editor",
+    "watch",
     "terminal",
 )
 DOORSTEP = ("cosim", "cosim.__main__")

@@ -4,6 +4,7 @@ COMMANDS = {
     "run": "run a diagram and print its metrics",
     "accuracy": "say how wrong a diagram's figures may be",
     "check": "validate a diagram without running it",
+    "watch": "show a diagram and its run on a page that follows every save",
     "bisect": "say where the runs of two diagrams part, why, and which key explains what",
     "debug": "stop a run at a moment, in a block's function, in Python's debugger",
     "init": "begin a project of your own, which runs as it is",
