@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,11 @@ SHOWN = 6
 """Elements of a value; of more, the first are shown."""
 
 
-def views(network: Network, overview: Overview) -> dict[str, View]:
-    """By the block's name; blocks of a diagram inside the diagram are called `outer/inner`."""
+def views(network: Network, overview: Overview, names: Container[str]) -> dict[str, View]:
+    """Of the blocks with these names; blocks of a diagram inside the diagram are called `outer/inner`."""
     recordable = {*network.signals()}
-    return {part.name: _view(network.components[part.name], part, recordable) for part in overview.parts}
+    wanted = [part for part in overview.parts if part.name in names]
+    return {part.name: _view(network.components[part.name], part, recordable) for part in wanted}
 
 
 def _view(component: Component, part: ComponentOverview, recordable: set[Signal]) -> View:

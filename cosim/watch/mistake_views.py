@@ -8,14 +8,22 @@ from pathlib import Path
 from cosim.errors import CosimError, Position
 from cosim.watch.orders import View
 
+MOST = 30
+"""Mistakes that are shown: of more, the first."""
 AROUND = 2
 """Lines before and behind the one with the mistake."""
 
 
 def views(errors: Iterable[CosimError]) -> list[View]:
     """Each mistake, or warning, once."""
-    found = {str(error): _view(error) for error in errors}
-    return list(found.values())
+    found = list({str(error): error for error in errors}.values())
+    views = [_view(error) for error in found[:MOST]]
+    return [*views, told(f"and {len(found) - MOST} more")] if len(found) > MOST else views
+
+
+def told(message: str, fix: str = "") -> View:
+    """A mistake that has no place."""
+    return _view(CosimError(message, fix=fix))
 
 
 def _view(error: CosimError) -> View:

@@ -373,7 +373,7 @@ function slider(s) {
     value = now;
     [low, high] = ends(s, value);
     range.value = Math.round(STEPS * ((isLog(s) ? Math.log10(value) : value) - low) / (high - low || 1));
-    if (document.activeElement !== box) box.value = String(value);
+    if (document.activeElement !== box) box.value = String(Number(value.toPrecision(6)));
     row.classList.toggle("moved", s.path in values);
   };
   const take = now => {

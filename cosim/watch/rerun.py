@@ -24,7 +24,7 @@ from cosim.plot import motion
 from cosim.study.variants import Prepared, Template
 from cosim.watch import block_views, check_views, loading, mistake_views, slider_views
 from cosim.watch.loading import Loaded
-from cosim.watch.orders import Advance, Answer, Figures, Mistaken, Order, Sketch, TrackPlace
+from cosim.watch.orders import Advance, Answer, Figures, Mistaken, Order, Sketch, TrackPlace, View
 from cosim.watch.spool import Spool, Track
 from cosim.wiring.network import Network, Signal
 from cosim.wiring.overview import describe
@@ -50,6 +50,7 @@ class Workplace:
         self._loaded: Loaded | None = None
         self._template: Template | None = None
         self._drawing = ""
+        self._blocks: dict[str, View] = {}  # as the file says
         self._compiled = 0  # kernels, since the last run
         self._of: tuple[int, tuple[str, ...]] | None = None  # the save, and what is recorded besides
 
@@ -114,8 +115,13 @@ class Workplace:
             "check": check_views.view(network, overview),
             "warnings": mistake_views.views(overview.warnings),
         }
-        blocks = block_views.views(network, overview)
-        sliders = [] if order.sliders else slider_views.views(network)
+        sliders: list[View] = []
+        if order.sliders:
+            slid = {path.split(".")[1] for path in order.sliders}
+            blocks = {**self._blocks, **block_views.views(network, overview, slid)}
+        else:
+            sliders = slider_views.views(network)
+            blocks = self._blocks = block_views.views(network, overview, network.components)
         return Sketch(order.number, self._loaded.files, view, self._drawing, blocks, sliders)
 
 

@@ -17,6 +17,8 @@ from cosim.watch.orders import Answer, Died, Figures, GivenUp, GiveUp, Mistaken,
 
 LONG = 0.5
 """Seconds after which an order is given up for one that is not urgent: sooner, its figures are worth waiting for."""
+MOST_COMPILED = 100
+"""Kernels, after which a new process takes the place of the one that compiled them: it gives no code back."""
 _WORDS = [sys.executable, "-P", "-m", "cosim.watch.runner_process"]
 
 
@@ -31,6 +33,7 @@ class Runner:
         self._since = 0.0
         self._given_up = 0
         self._closed = False
+        self._compiled = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
@@ -78,11 +81,12 @@ class Runner:
         while True:
             with self._changed:
                 self._doing = None
+                if self._compiled > MOST_COMPILED:
+                    self._end()
                 self._process = self._process or _started()
                 self._changed.wait_for(lambda: self._next or self._closed)
                 if self._closed:
-                    self._process.kill()
-                    self._process.wait()
+                    self._end()
                     return
                 assert self._next
                 order, self._next, self._doing, self._since = self._next, None, self._next, clock.monotonic()
@@ -95,17 +99,29 @@ class Runner:
             try:
                 answer: Answer = pickle.load(process.stdout)  # noqa: S301  # of our own process
             except (EOFError, OSError, pickle.UnpicklingError):
-                self._lost(order, process)
+                self._lost(order)
                 return
             self._tell(answer)
+            if isinstance(answer, Figures):
+                self._compiled += answer.view["compiled"]
             if isinstance(answer, Mistaken | Figures | GivenUp):
                 return
 
-    def _lost(self, order: Order, process: subprocess.Popen[bytes]) -> None:
+    def _end(self) -> int:
+        """End the process; its exit code, as of `fate`."""
+        process, self._process, self._compiled = self._process, None, 0
+        assert process
+        assert process.stdin
+        assert process.stdout
         process.kill()
-        how = fate(process.wait())
+        for pipe in (process.stdin, process.stdout):
+            with suppress(OSError):
+                pipe.close()
+        return process.wait()
+
+    def _lost(self, order: Order) -> None:
         with self._changed:
-            self._process = None
+            how = fate(self._end())
             given_up, closed = self._given_up == order.number, self._closed
         if not closed:
             self._tell(GivenUp(order.number) if given_up else Died(order.number, how))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from cosim.watch import curve_views, figure_views
+from cosim.watch import curve_views, figure_views, mistake_views
 from cosim.watch.orders import Died, Figures, Sketch, View
 
 
@@ -55,11 +55,5 @@ def block(sketch: Sketch | None, now: Figures | None, name: str) -> View | None:
 
 def death(answer: Died) -> View:
     """That the process in which the diagram ran is gone, as a mistake."""
-    return {
-        "message": f"the process that ran the diagram has ended: {answer.how}",
-        "fix": "what a block printed is where `cosim watch` runs; save again to run anew",
-        "place": "",
-        "line": 0,
-        "column": 0,
-        "lines": [],
-    }
+    message = f"the process that ran the diagram has ended: {answer.how}"
+    return mistake_views.told(message, "what a block printed is where `cosim watch` runs; save again to run anew")

@@ -42,10 +42,10 @@ def test_edit_break_mend(lag, see):
         line = 1 + broken[: broken.index("S: 1")].count("\n")
         column = broken.split("\n")[line - 1].index("S: 1") + 1
         said = page.locator("#mistakes").inner_text()
-        assert f"lag.yaml:{line}:{column}" in said and "block `lag`" in said
+        assert f"lag.yaml:{line}:{column}" in said and "has no parameter `S`" in said
         rows = page.locator("#mistakes pre").inner_text().split("\n")
         marked = next(k for k, row in enumerate(rows) if "S: 1" in row)
-        assert rows[marked].startswith(str(line)) and rows[marked + 1].index("^") == rows[marked].index("S: 1")
+        assert rows[marked].split()[0] == str(line) and rows[marked + 1].index("^") == rows[marked].index("S: 1")
         assert figure(page, "last") == float(f"{at(4, 2):.4g}")  # the last good picture stays
         assert page.locator("#drawing svg").count() == 1
 
