@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cosim.compiling import compiler
+from cosim.compiling import emission
 from cosim.engine.program import Program
 from cosim.errors import UsageError
 from cosim.machine import memory, object_code
@@ -87,7 +87,7 @@ class TimedRows:
         clock = ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value
         head = _HEAD.format(clock=clock, kind=time.CLOCK_MONOTONIC, all=self._slot(self._all))
         names = [f"timed_{n}" for n in range(len(texts))]
-        self._code = object_code.Library(compiler.emit(head + "".join(texts), *object_code.host(), names, "clocks"))
+        self._code = object_code.Library(emission.emit(head + "".join(texts), *object_code.host(), names, "clocks"))
         return [self._code.address(name) for name in names]
 
     def begin(self) -> None:
