@@ -42,6 +42,11 @@ class KernelSource:
     lanes: Callable[[], Callable[..., int]] | None = None
     parts: tuple[TilePart, ...] = ()
 
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """What is found in the object code by name."""
+        return (self.symbol, f"{self.symbol}.alone") if self.lanes else (self.symbol,)
+
 
 def block_source(
     declaration: Declaration, function: Function, constants: dict[str, int], fleet: bool = False

@@ -29,7 +29,8 @@ def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
     """
     triple, cpu, features = object_code.host()
     sources = tuple(sources)
-    return emission.emit(compile_ir(name, sources), triple, cpu, features, [s.symbol for s in sources], name)
+    symbols = [symbol for source in sources for symbol in source.symbols]
+    return emission.emit(compile_ir(name, sources), triple, cpu, features, symbols, name)
 
 
 def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:

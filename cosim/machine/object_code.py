@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from functools import cache
 from typing import Any
 
@@ -46,3 +47,8 @@ class Library:
                 raise KeyError(symbol)
             self._addresses[symbol] = address
         return self._addresses[symbol]
+
+    def text(self, symbol: str) -> str | None:
+        """A text that the object has; None where it has no such symbol."""
+        address = self._engine.get_global_value_address(symbol)
+        return ctypes.string_at(address).decode() if address else None

@@ -57,7 +57,8 @@ class Compiled:
 class Profile:
     """microseconds: a step's, of which the costs are parts, the largest first. start: seconds of each of its parts.
 
-    measured: how, in words.
+    measured: how, in words. vectors: functions that are done for eight members of a fleet at a time; alone: by function
+    of a fleet, why it is not.
     """
 
     steps: int
@@ -65,6 +66,8 @@ class Profile:
     costs: tuple[Cost, ...]
     compiled: tuple[Compiled, ...]
     start: dict[str, float]
+    vectors: tuple[str, ...]
+    alone: dict[str, str]
     measured: str = MEASURED
 
     def as_json(self) -> dict[str, Any]:
@@ -91,12 +94,15 @@ def profile(run: Run) -> Profile:
         Cost(*key, cost.count / steps or None, 1e6 * cost.seconds / steps, cost.seconds / whole)
         for key, cost in found.items()
     )
+    members = _members(plain)
     return Profile(
         steps=plain.steps,
         microseconds=1e6 * whole / steps,
         costs=tuple(sorted(costs, key=lambda cost: -cost.microseconds)),
         compiled=tuple(_compiled(plain)),
         start=dict(START.laps),
+        vectors=tuple(name for name, reason in members.items() if not reason),
+        alone={name: reason for name, reason in members.items() if reason},
     )
 
 
@@ -127,6 +133,18 @@ def _timed(plain: Simulation) -> Costs:
         if one.count:
             before = found.get((name, function), Timed(0.0, 0))
             found[name, function] = Timed(before.seconds + one.seconds, before.count + one.count)
+    return found
+
+
+def _members(simulation: Simulation) -> dict[str, str]:
+    """By function of a fleet that is called along the run, why it is not done for eight members at a time, or ""."""
+    assert simulation.kernels
+    found = {}
+    for call in simulation.program.calls:
+        module = simulation.kernels.modules[call.component]
+        reason = module.load().text(f"{call.function.name}.alone") if module else None
+        if reason is not None and call.function.kind not in ("calculate", "start"):
+            found[f"{call.component}.{call.function.name}"] = reason
     return found
 
 

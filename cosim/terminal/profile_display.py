@@ -20,6 +20,11 @@ def show(profile: Profile) -> None:
     figures_table(["spent on", "µs a step", "share", "calls a step"], rows)
     print()
     print_wrapped(profile.measured, 0)
+    if profile.vectors:
+        print_wrapped(f"for eight members of a fleet at a time: {', '.join(profile.vectors)}", 2)
+    for reason in dict.fromkeys(profile.alone.values()):
+        names = [name for name, why in profile.alone.items() if why == reason]
+        print_wrapped(f"for one member after the other, as {reason}: {', '.join(names)}", 2)
     start = ", ".join(f"{part} {seconds:.3g} s" for part, seconds in profile.start.items())
     print_wrapped(f"start: {start}", 2)
     made = [f"{module.name} {module.seconds:.3g} s" for module in profile.compiled if not module.cached]

@@ -58,6 +58,8 @@ class Stubborn(Block):
     y = Output()
     z = Output()
     w = Output()
+    t = Output()
+    s = Output()
 
     def outputs_loop(x, y):
         y[0] = x
@@ -71,6 +73,12 @@ class Stubborn(Block):
 
     def outputs_seldom(x, w):
         w[0] = math.exp(x) if x > 0.0 else x
+
+    def outputs_tangent(x, t):
+        t[0] = math.tan(x)
+
+    def outputs_sum(x, s):
+        s[0] = x + x * x
 
 
 def compiled(block: Any, function: Function, constants: dict[str, int], fleet: bool) -> object_code.Library:
@@ -175,21 +183,10 @@ def test_bits_are_those_of_the_interpreter(name):
             assert got == arguments[written].tobytes(), (written, k)
 
 
-def worthy(block: Any, symbol: str, constants: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> bool:
-    """Whether a function becomes one of vectors."""
-    from cosim.compiling.tiles import tiling
-
-    answers = []
-    judge = tiling.is_worthwhile
-    monkeypatch.setattr(tiling, "is_worthwhile", lambda *given: answers.append(judge(*given)) or answers[-1])
-    compiler.compile_ir("case", [block_source(block, function_of(block, symbol), constants, True)])
-    return answers == [True]
-
-
 @pytest.mark.parametrize("name", CASES)
-def test_what_becomes_vectors(name, monkeypatch):
+def test_what_becomes_vectors(name):
     block, symbol, constants = CASES[name]
-    assert worthy(block, symbol, constants, monkeypatch)
+    assert compiled(block, function_of(block, symbol), constants, True).text(f"{symbol}.alone") == ""
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -211,14 +208,24 @@ def test_a_lane_is_an_element_of_vectors(name):
     assert before_lanes
 
 
-@pytest.mark.parametrize("symbol", ["outputs_loop", "outputs_failing", "outputs_seldom"])
-def test_what_stays_one_by_one(symbol, monkeypatch):
+@pytest.mark.parametrize(
+    ("symbol", "reason"),
+    [
+        ("outputs_loop", "it has a loop of many rounds, or of as many as its values say"),
+        ("outputs_failing", "it may fail"),
+        ("outputs_seldom", "only some members compute exp"),
+        ("outputs_tangent", "it calls tan of the C library"),
+        ("outputs_sum", "it computes no exp, sin or the like, for which it would pay"),
+    ],
+)
+def test_what_stays_one_by_one_says_why(symbol, reason):
     block = Stubborn.declaration
-    assert not worthy(block, symbol, {}, monkeypatch)
     function = function_of(block, symbol)
+    library = compiled(block, function, {}, True)
+    assert library.text(f"{symbol}.alone") == reason
     given = {name: np.linspace(-2.0, 5.0, 11) for name in function.arguments}
     arena, frame, places = laid_out(block, function, {}, given)
-    assert called(compiled(block, function, {}, True), symbol, 0.0, arena, frame) == 0
+    assert called(library, symbol, 0.0, arena, frame) == 0
     written = next(iter(function.writes))
     offset, stride = places[written]
     got = [arena[offset + k * stride :][:8].view(np.float64)[0] for k in range(11)]

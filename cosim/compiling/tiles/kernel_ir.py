@@ -129,6 +129,11 @@ define i32 @{symbol}(double %time, ptr %base, ptr %frame) {{
 """
 
 
+def text(symbol: str, content: str) -> str:
+    """The IR of a text, of ASCII characters, that ends with a zero."""
+    return f'@{symbol} = constant [{len(content) + 1} x i8] c"{content}\\00"\n'
+
+
 def _parallel(ir: str) -> str:
     """Optimised IR of lanes, as a loop over them may have it: nothing that one of them touches is another's."""
     scopes = re.compile(r"^.*@llvm\.experimental\.noalias\.scope\.decl\(.*$", re.MULTILINE)

@@ -18,7 +18,7 @@ import llvmlite.binding as llvm
 from cosim.compiling import emission
 from cosim.compiling.plain_math import definitions
 from cosim.compiling.tiles import kernel_ir
-from cosim.compiling.tiles.worthwhile import is_worthwhile
+from cosim.compiling.tiles.worthwhile import why_alone
 from cosim.machine import object_code
 
 if TYPE_CHECKING:
@@ -28,17 +28,20 @@ if TYPE_CHECKING:
 def in_tiles(ir: str, sources: Sequence[KernelSource]) -> str:
     """A module with the kernels of sources that have lanes, which are done in tiles where that is worth it.
 
-    ir: with `SYMBOL.range`, the function for some members, and `SYMBOL.lane`, for one lane, of each.
+    ir: with `SYMBOL.range`, the function for some members, and `SYMBOL.lane`, for one lane, of each. What keeps one
+    from being done in tiles is the text `SYMBOL.alone`, which is empty for the others.
     """
     if not sources:
         return ir
     declared, alone = definitions.with_declarations(ir), [f"{source.symbol}.lane" for source in sources]
     lanes = emission.scalars(declared, *object_code.host(), alone)
-    worthy = {s.symbol: s.parts for s in sources if is_worthwhile(lanes, s.symbol)}
+    reasons = {s.symbol: why_alone(lanes, s.symbol) for s in sources}
+    worthy = {s.symbol: s.parts for s in sources if not reasons[s.symbol]}
     for symbol in alone:
         declared = declared.replace(f"define i32 @{symbol}(", f"define internal i32 @{symbol}.unused(")
-    others = (kernel_ir.one_by_one(s.symbol) for s in sources if s.symbol not in worthy)
-    module = llvm.parse_assembly("".join([declared, *others]))
+    texts = [kernel_ir.text(f"{symbol}.alone", reason) for symbol, reason in reasons.items()]
+    others = [kernel_ir.one_by_one(symbol) for symbol, reason in reasons.items() if reason]
+    module = llvm.parse_assembly("".join([declared, *texts, *others]))
     if worthy:
         module.link_in(llvm.parse_assembly(kernel_ir.kernels(str(lanes), worthy)))
     return str(module)
