@@ -13,9 +13,12 @@ from itertools import product
 from pathlib import Path
 
 import llvmlite.binding as llvm
+import numpy as np
 import pytest
 
 from cosim.compiling import emission
+from cosim.compiling.interpreted.libm import as_compiled
+from cosim.compiling.plain_math.definitions import FUNCTIONS, definition
 from cosim.export import sources
 from cosim.export.c_code.c_translation import translate
 from cosim.export.c_code.llvm_reader import Untranslatable, read
@@ -253,17 +256,27 @@ def oracle(module):
 
 
 @pytest.fixture(scope="module", params=COMPILERS)
-def translated(request, module, tmp_path_factory):
+def compiled(request, tmp_path_factory):
+    """A function that makes a library of C, by one of the compilers."""
     command = COMPILERS[request.param]
     if not shutil.which(command[0]):
         pytest.skip(f"there is no {command[0]}")
-    folder = tmp_path_factory.mktemp("c")
-    (folder / "probes.c").write_text(HEAD + translate(module, "unit", [f"probe{k}" for k in range(len(CASES))]))
     words = [*command, "-std=c11"] if "-std=gnu17" not in command else command
     wrapper = Path(sources.__file__).parent / "wrapper"
-    library = folder / "probes.so"
-    subprocess.run([*words, "-shared", "-fPIC", f"-I{wrapper}", "-o", library, folder / "probes.c", "-lm"], check=True)
-    return ctypes.CDLL(str(library))
+
+    def library(text: str) -> ctypes.CDLL:
+        folder = tmp_path_factory.mktemp("c")
+        made, file = folder / "probes.so", folder / "probes.c"
+        file.write_text(HEAD + text)
+        subprocess.run([*words, "-shared", "-fPIC", f"-I{wrapper}", "-o", made, file, "-lm"], check=True)
+        return ctypes.CDLL(str(made))
+
+    return library
+
+
+@pytest.fixture(scope="module")
+def translated(compiled, module):
+    return compiled(translate(module, "unit", [f"probe{k}" for k in range(len(CASES))]))
 
 
 def operands(kind: str) -> list[bytes]:
@@ -299,6 +312,40 @@ def test_c_computes_what_object_code_does(translated, oracle, case):
         assert got == want or silent or (is_nan(got, result) and is_nan(want, result)), (a, b, got, want)
         seen.add(want)
     assert len(seen) > 1 or case.startswith(("fcmp true", "fcmp false")), "these operands tell nothing"
+
+
+MATHEMATICS = """
+define i32 @probe_{name}(double %time, ptr %base, ptr %frame) {{
+  %p1 = getelementptr double, ptr %base, i64 1
+  %p2 = getelementptr double, ptr %base, i64 2
+  %v0 = load double, ptr %base
+  %v1 = load double, ptr %p1
+  %r = call double @cosim_{name}({values})
+  store double %r, ptr %p2
+  ret i32 0
+}}
+"""
+
+
+def test_elementary_functions_have_the_same_bits_in_c(compiled):
+    """Wide angles, whose digits of 2/pi are a table, among them."""
+    ir = ""
+    for name, function in FUNCTIONS.items():
+        values = ", ".join(f"double %v{k}" for k in range(function.arguments))
+        ir += definition(name) + MATHEMATICS.format(name=name, values=values)
+    probes = [f"probe_{name}" for name in FUNCTIONS]
+    triple, processor, _ = object_code.host()
+    library = compiled(translate(emission.plain_ir(ir, triple, processor, probes, "probes"), "unit", probes))
+    draw = np.random.default_rng(6)
+    x = np.concatenate([draw.uniform(-30.0, 30.0, 2000), draw.integers(-(2**63), 2**63 - 1, 2000).view(float), REALS])
+    for name, function in FUNCTIONS.items():
+        theirs = as_compiled(name, function.arguments)
+        ours = KERNEL((f"probe_{name}", library))
+        for given in zip(x, draw.permutation(x), strict=True):
+            memory = np.array([*given, 0.0])
+            assert ours(0.5, memory.ctypes.data, None) == 0
+            wanted = np.float64(theirs(*given[: function.arguments]))
+            assert memory[2].tobytes() == wanted.tobytes() or np.isnan([memory[2], wanted]).all(), (name, given)
 
 
 @pytest.mark.parametrize(

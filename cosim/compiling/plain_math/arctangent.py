@@ -32,9 +32,10 @@ def atan2(y: Any, x: Any) -> Any:
     bottom, bottom_rest = added(b, a)
     top, top_rest = select(steep, top, b), select(steep, top_rest, 0.0)
     bottom, bottom_rest = select(steep, bottom, a), select(steep, bottom_rest, 0.0)
-    q = top / bottom
+    inverse = 1.0 / bottom
+    q = top * inverse
     product, product_rest = multiplied(q, bottom)
-    q_rest = (((top - product) - product_rest) + (top_rest - q * bottom_rest)) / bottom
+    q_rest = (((top - product) - product_rest) + (top_rest - q * bottom_rest)) * inverse
     z = q * q
     small = (q_rest - z * q_rest) + q * (z * polynomial(z, _SERIES))
     behind = bits(x) < 0

@@ -9,6 +9,7 @@ import math
 from typing import Any
 
 from cosim.compiling.plain_math.operations import ROUND, SIGN, bits, polynomial, real, select
+from cosim.compiling.plain_math.pairs import joined
 from cosim.compiling.plain_math.wide_angles import quarters
 
 #: Below this, 2^19 pi/2, n has so few digits that its products with the first two parts of pi/2 are exact.
@@ -22,7 +23,7 @@ _QUARTER = (
     8.47842766036889956997e-32,
 )
 _SINE = (
-    *(8.33333333332248946124e-03, -1.98412698298579493134e-04, 2.75573137070700676789e-06),
+    *(-1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04, 2.75573137070700676789e-06),
     *(-2.50507602534068634195e-08, 1.58969099521155010221e-10),
 )
 _COSINE = (
@@ -59,28 +60,26 @@ def wide_cos(x: Any) -> Any:
 
 
 def _reduced(x: Any) -> tuple[Any, Any, Any]:
-    """An integer that is n modulo 4, and r as the sum of two."""
+    """An integer that is n modulo 4, and r as the sum of two.
+
+    What is subtracted may be larger than what from: then there is nothing to round, as all bits lie
+    between 2^-99 and 2^-13.
+    """
     shifted = x * _PER_QUARTER + ROUND
     n = shifted - ROUND
-    a, b = x - n * _QUARTER[0], n * _QUARTER[1]
-    s = a - b
-    v = s - a
-    rest = (a - (s - v)) - (b + v)
-    c = n * _QUARTER[2]
-    t = s - c
-    v = t - s
-    tail = (rest + ((s - (t - v)) - (c + v))) - n * _QUARTER[3]
-    r = t + tail
-    return bits(shifted), r, (t - r) + tail
+    a, first = joined(x - n * _QUARTER[0], -(n * _QUARTER[1]))
+    r, second = joined(a, -(n * _QUARTER[2]))
+    return bits(shifted), r, (first + second) - n * _QUARTER[3]
 
 
 def _of_quarter(n: Any, r: Any, tail: Any) -> Any:
-    """The sine of n pi/2 + r + tail."""
+    """The sine of n pi/2 + r + tail: that of r, or the cosine, of which only the coefficients are chosen."""
+    odd = (n & 1) != 0
     z = r * r
-    cube = z * r
-    sine = r - ((z * (0.5 * tail - cube * polynomial(z, _SINE)) - tail) - cube * -1.66666666666666324348e-01)
     half = 0.5 * z
-    w = 1.0 - half
-    cosine = w + (((1.0 - w) - half) + (z * (z * polynomial(z, _COSINE)) - r * tail))
-    y = select((n & 1) == 0, sine, cosine)
+    one = 1.0 - half
+    first = select(odd, one, r)
+    rest = select(odd, ((1.0 - one) - half) - r * tail, tail - half * tail)
+    series = polynomial(z, [select(odd, c, s) for c, s in zip(_COSINE, _SINE, strict=True)])
+    y = first + (rest + select(odd, z * z, z * r) * series)
     return real(bits(y) ^ ((n << 62) & SIGN))

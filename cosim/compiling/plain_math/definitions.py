@@ -1,7 +1,8 @@
 """The functions of this folder as LLVM IR, by the names that the C library has for them.
 
 For a function NAME, `cosim_NAME` is what scalar code calls. `cosim_NAME_core` has no branch, and is right but where
-`cosim_NAME_outside` says otherwise, if there is such a function; there, `cosim_NAME_wide` is.
+`cosim_NAME_outside` says otherwise, if there is such a function; there, `cosim_NAME_wide` is. All but the wide ones are
+put in where they are called, so that the sine and the cosine of an angle share its remainder.
 """
 
 from __future__ import annotations
@@ -120,14 +121,14 @@ def _traced(name: str, kind: str, function: Callable[..., Any], parameters: str,
 
 
 _ALONE = """
-define double @cosim_{name}({parameters}) {attributes} {{
+define double @cosim_{name}({parameters}) alwaysinline {attributes} {{
   %y = call double @cosim_{name}_core({parameters})
   ret double %y
 }}
 """
 
 _BRANCHING = """
-define double @cosim_{name}({parameters}) {attributes} {{
+define double @cosim_{name}({parameters}) alwaysinline {attributes} {{
   %outside = call i1 @cosim_{name}_outside({parameters})
   br i1 %outside, label %wide, label %core
 core:

@@ -20,17 +20,17 @@ _SERIES = (
 )
 
 
-def octaves(x: Any) -> tuple[Any, Any]:
-    """k and m of a positive finite number, also a subnormal one."""
+def octaves(x: Any, least: int) -> tuple[Any, Any]:
+    """k and m of x = 2^k m, positive and finite; least: the bits of the smallest m, of which no m is twice as large."""
     small = x < 2.2250738585072014e-308
-    word = bits(select(small, x * _LIFT, x)) + (_ONE - _LEAST)
+    word = bits(select(small, x * _LIFT, x)) + (_ONE - least)
     k = real((word >> 52) | (0x433 << 52)) - select(small, 4503599627370496.0 + 1077.0, 4503599627370496.0 + 1023.0)
-    return k, real((word & ((1 << 52) - 1)) + _LEAST)
+    return k, real((word & ((1 << 52) - 1)) + least)
 
 
 def log(x: Any) -> Any:
     """The natural logarithm of x, within 0.7 ulp; of 0 -infinity, below NaN."""
-    k, m = octaves(x)
+    k, m = octaves(x, _LEAST)
     f = m - 1.0
     s = f / (2.0 + f)
     z = s * s

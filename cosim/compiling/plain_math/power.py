@@ -1,6 +1,7 @@
 """Powers: |x|^y = e^(y log|x|), with the logarithm and the product in two parts each.
 
-log(1 + f) = 2 s + s^3 (2/3 + s^2 P(s^2)), with s = f / (2 + f), |s| < 0.172. Special cases are those of C's `pow`.
+log(x) = k ln(2) + log(b) + 2/3 s (3 + s^2 + s^4 P(s^2)), with x = 2^k m, b = 1 or 3/2, s = (m - b) / (m + b) and
+|s| < 0.102, after fdlibm's e_pow.c (Sun Microsystems, 1993). Special cases are those of C's `pow`.
 """
 
 from __future__ import annotations
@@ -11,15 +12,19 @@ from typing import Any
 from cosim.compiling.plain_math.exponential import exponential
 from cosim.compiling.plain_math.logarithm import octaves
 from cosim.compiling.plain_math.operations import SIGN, bits, polynomial, real, select
-from cosim.compiling.plain_math.pairs import Pair, joined, multiplied
+from cosim.compiling.plain_math.pairs import Pair, joined, upper
 
 #: ln(2): the first part times a whole number below 2^11 is exact.
 _LN2 = (0.693147180559890330, 5.497923018708371e-14)
-_THIRD = (0.6666666666666666, 3.700743415417188e-17)  # 2/3
+_TWO_THIRDS = (0.6666666567325592, 9.934107462565104e-09)
+_TWO_THIRDS_ROUNDED = 0.6666666666666666
 _SERIES = (
-    *(0.4, 0.2857142857142938, 0.22222222221648977, 0.18181818336854544, 0.15384594815484784),
-    *(0.13334812275690675, 0.1170604271435305, 0.11725119011623665),
+    *(0.5999999999999999, 0.4285714285721559, 0.33333333250761044, 0.2727276153837671),
+    *(0.23070502753339053, 0.20552878157578422),
 )
+_LEAST = 0x3FEBB67AE8584CAA  # the bits of sqrt(3)/2
+_FAR = 1.224744871391589  # sqrt(3/2): above, m is compared with 3/2
+_LOG_BASE = (0.4054651081081644, -2.8811380259626426e-18)  # log(3/2)
 _WHOLE = 4503599627370496.0  # 2^52, from which on all numbers are
 _MOST = 36893488147419103232.0  # 2^65: an exponent so large leads out of all numbers, or to 1
 
@@ -48,29 +53,36 @@ def _rounded(size: Any) -> Any:
 def _positive(x: Any, y: Any) -> Any:
     """A power of a positive number."""
     high, low = _logarithm(x)
-    product, rest = multiplied(high, y)
-    inside = abs(product) < 800.0
-    return exponential(product, select(inside, rest + low * y, 0.0))
+    upper_y = upper(y)
+    product = upper_y * high
+    rest = (y - upper_y) * high + y * low
+    return exponential(product, select(abs(product) < 800.0, rest, 0.0))
 
 
 def _logarithm(x: Any) -> Pair:
-    """The natural logarithm, as the sum of two, to some 2^-65 of it."""
-    k, m = octaves(x)
-    f = m - 1.0
-    below = m + 1.0
-    below_rest = m - (below - 1.0)
-    s = f / below
-    product, product_rest = multiplied(s, below)
-    s_rest = (((f - product) - product_rest) - s * below_rest) / below
-    square, square_rest = multiplied(s, s)
-    square_rest = square_rest + 2.0 * s * s_rest
-    factor, factor_rest = joined(_THIRD[0], square * polynomial(square, _SERIES))
-    factor_rest = factor_rest + _THIRD[1]
-    term, term_rest = multiplied(square, factor)
-    term_rest = term_rest + (square * factor_rest + square_rest * factor)
-    cube, cube_rest = multiplied(s, term)
-    cube_rest = cube_rest + (s * term_rest + s_rest * term)
-    first, rest = joined(2.0 * s, cube)
-    total, total_rest = joined(k * _LN2[0], first)
-    rest = total_rest + (rest + (2.0 * s_rest + cube_rest) + k * _LN2[1])
-    return joined(total, rest)
+    """The natural logarithm to some 2^-66 of it, as the sum of two, the first of which has 26 bits."""
+    k, m = octaves(x, _LEAST)
+    far = m > _FAR
+    base = select(far, 1.5, 1.0)
+    f = m - base
+    inverse = 1.0 / (m + base)
+    below = upper(m + base)
+    below_rest = m - (below - base)
+    s = f * inverse
+    s_upper = upper(s)
+    s_rest = ((f - s_upper * below) - s_upper * below_rest) * inverse
+    z = s * s
+    square = s_upper * s_upper
+    rest = s_rest * (s_upper + s) + z * z * polynomial(z, _SERIES)
+    factor = upper((3.0 + square) + rest)
+    factor_rest = rest - ((factor - 3.0) - square)
+    product = s_upper * factor
+    product_rest = s_rest * factor + factor_rest * s
+    series = upper(product + product_rest)
+    series_rest = product_rest - (series - product)
+    inner, inner_rest = joined(select(far, _LOG_BASE[0], 0.0), _TWO_THIRDS[0] * series)
+    first, rest = joined(k * _LN2[0], inner)
+    rest = (rest + inner_rest) + (_TWO_THIRDS[1] * series + _TWO_THIRDS_ROUNDED * series_rest)
+    rest = rest + (k * _LN2[1] + select(far, _LOG_BASE[1], 0.0))
+    total = upper(first + rest)
+    return total, rest - (total - first)
