@@ -38,6 +38,7 @@ def layout(signal: Recorded) -> View:
         "names": names if not signal.fleet else [],
         "channels": names if channels > 1 else [],
         "units": ["" if unit == "1" else unit for unit in several],
+        "output": signal.causality == "output",
         "whole": np.dtype(signal.dtype).kind in "iub",
     }
 

@@ -4,7 +4,7 @@
 import { Plot, Span, hue, isDashed, short } from "./plots.js";
 
 const $ = id => document.getElementById(id);
-const MOST_LINES = 12, FIRST = 6, STEPS = 1000;
+const MOST_LINES = 12, FIRST = 6, STEPS = 200;
 let state = null, drawn = "", slid = 0, moving = 0, openBlock = "";
 const plots = new Map();  // by signal: what is shown, and how
 let chosen = null;  // the signals that a person has chosen to see
@@ -175,7 +175,8 @@ function shownSignals() {
   const known = state.run?.signals ?? [];
   if (chosen) return known.filter(s => chosen.includes(s.name));
   const first = state.run.first.map(layoutOf).filter(Boolean);
-  const more = known.filter(s => !s.whole && !first.includes(s));
+  const rest = known.filter(s => !s.whole && !first.includes(s));
+  const more = [...rest.filter(s => s.output), ...rest.filter(s => !s.output)];
   return [...first.filter(s => !s.whole), ...first.filter(s => s.whole), ...more].slice(0, FIRST);
 }
 
@@ -253,13 +254,15 @@ let asking = false, again = false;
 
 // Ask for what is shown, once at a time: the newest wish counts.
 async function refresh() {
-  if (asking) { again = true; return; }
+  again = true;
+  if (asking) return;
   asking = true;
-  do {
-    again = false;
-    await ask();
-  } while (again);
-  asking = false;
+  try {
+    while (again) {
+      again = false;
+      await ask();
+    }
+  } finally { asking = false; }
 }
 
 async function ask() {
@@ -337,9 +340,9 @@ function showKept() {
   const copy = text => el("button", { type: "button", onclick: e => {
     navigator.clipboard.writeText(text).then(() => { e.target.textContent = "copied"; });
   } }, "copy");
+  const kept = (said, text) => [el("div", { className: "row" }, el("span", {}, said), copy(text)), el("pre", {}, el("code", {}, text))];
   $("kept").replaceChildren(
-    el("div", { className: "row" }, el("span", {}, "to keep this, write in the diagram"), copy(yaml)), el("pre", {}, el("code", {}, yaml)),
-    el("div", { className: "row" }, el("span", {}, "or on the command line"), copy(options)), el("pre", {}, el("code", {}, options)),
+    ...(state.path.endsWith(".fmu") ? [] : kept("to keep this, write in the diagram", yaml)), ...kept("or on the command line", options),
     el("div", { className: "row" }, el("span", { className: "soft" }, "a save puts all sliders back"),
       el("button", { type: "button", onclick: () => { values = {}; send(); } }, "back to the file")));
 }
@@ -351,12 +354,12 @@ function ends(s, value) {
 }
 const isLog = s => $("log").checked && s.value > 0 && !s.integer;
 
-// No more digits than a step of the slider has.
+// With the digits of a slider's step.
 function rounded(s, value) {
   if (s.integer) return Math.round(value);
   if (isLog(s)) return Number(value.toPrecision(3));
-  const step = (s.high - s.low) / 200;
-  return Number(value.toFixed(Math.max(0, Math.min(15, 1 - Math.floor(Math.log10(step))))));
+  const step = (s.high - s.low) / STEPS;
+  return Number(value.toFixed(Math.max(0, Math.min(15, -Math.floor(Math.log10(step))))));
 }
 
 let dragging = "";
@@ -418,13 +421,15 @@ function filterSliders() {
 let sending = false, unsent = false;
 
 async function send() {
-  if (sending) { unsent = true; return; }
+  unsent = true;
+  if (sending) return;
   sending = true;
-  do {
-    unsent = false;
-    await post("slide", { values });
-  } while (unsent);
-  sending = false;
+  try {
+    while (unsent) {
+      unsent = false;
+      await post("slide", { values });
+    }
+  } finally { sending = false; }
 }
 
 // ---- the state ----
@@ -453,12 +458,13 @@ async function take(new_) {
   next = new_;
   if (showing) return;
   showing = true;
-  while (next) {
-    const one = next;
-    next = null;
-    await show(one);
-  }
-  showing = false;
+  try {
+    while (next) {
+      const one = next;
+      next = null;
+      await show(one);
+    }
+  } finally { showing = false; }
 }
 
 const events = new EventSource("events");

@@ -19,8 +19,9 @@ MOST_ELEMENTS = 24
 
 
 def views(network: Network) -> list[View]:
-    """The parameters that are numbers, and elements of short lists of them."""
-    return [view for component in network.components.values() for view in _of(component)]
+    """The parameters that are finite numbers, and elements of short lists of them."""
+    found = [view for component in network.components.values() for view in _of(component)]
+    return [view for view in found if math.isfinite(view["value"])]
 
 
 def _of(component: Component) -> Iterator[View]:
@@ -58,7 +59,7 @@ def _numbers(value: Any, indices: tuple[int, ...]) -> Iterator[tuple[tuple[int, 
 def _view(component: Component, variable: Parameter, value: float, indices: tuple[int, ...], whole: Any) -> View:
     integer = variable.dtype.kind == "i"
     least, most = _limits(variable)
-    low, high = _range(float(value), least, most)
+    low, high = _range(float(value), least, most) if math.isfinite(value) else (0.0, 0.0)
     place = f"[{','.join(str(k + 1) for k in indices)}]" if indices else ""
     unit = variable.unit if isinstance(variable.unit, str) and variable.unit != "1" else ""
     return {

@@ -8,8 +8,10 @@ import time
 import numpy as np
 import pytest
 
+from cosim.engine import run as engine
+from cosim.results.formatting import format_value
 from cosim.watch.session import WatchSession
-from tests.watch.conftest import BLOCK, LAG, until
+from tests.watch.conftest import BLOCK, LAG, ROOT, until
 
 ENDLESS = LAG.replace("stop: 4", "stop: 1.0e+9").replace("period: 0.01", "period: 1000")
 
@@ -211,6 +213,36 @@ def test_a_run_that_diverges_shows_how_far_it_came(session):
     one.save(LAG)
     state = one.rests(lambda state: state["run"]["status"] == "completed")
     assert state["run"]["before"] == first  # a run that came to no end is nothing to be compared with
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "value"),
+    [
+        ("motor.yaml", "blocks.controller.parameters.k_p", 0.7),
+        ("motor.yaml", "blocks.motor.parameters.A.1.1", -3.0),
+        ("thermostat.yaml", "blocks.ambient.parameters.value", 3.0),
+        ("sampled_pi.yaml", "blocks.reference.parameters.final", 2.5),
+    ],
+)
+def test_a_slider_gives_the_figures_and_samples_of_the_command_line_to_the_bit(session, lag, name, path, value):
+    shutil.copy(ROOT / "diagrams" / name, lag / name)
+    one = session(None, name)
+    one.rests(lambda state: state["run"] or state["mistakes"])
+    one.session.slide({path: value})
+    state = one.rests(lambda state: state["chosen"] and number(state) > state["slid"])
+    network = engine.load(lag / name, [state["chosen"][0]["option"].removeprefix("--set ")])
+    run = engine.Run(network, kept=True)
+    outcome = run.execute()
+    times, values = run.samples.flat()
+    track = one.session.track(number(state))
+    np.testing.assert_array_equal(track.times, times)
+    for signal, expected in values.items():
+        np.testing.assert_array_equal(track.read(signal), expected)
+    shown = {metric["name"]: metric["value"] for metric in state["run"]["metrics"]}
+    assert shown == {metric: format_value(figure) for metric, figure in outcome.metrics.items()}
+    assert {w["message"] for w in state["run"]["warnings"]} == {w.message for w in outcome.warnings}
+    before = one.session.track(state["run"]["before"])
+    assert any(track.read(signal).tobytes() != before.read(signal).tobytes() for signal in values)
 
 
 def test_more_signals_are_recorded_on_demand(session, lag):

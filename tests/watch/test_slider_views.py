@@ -12,7 +12,7 @@ fleets: {robot: 3}
 blocks:
   step: {block: Step, parameters: {at: 0.1, final: 2}}
   noise: {block: WhiteNoise, period: 0.01, parameters: {seed: 7, deviation: 0.5}}
-  pid: {block: PID, parameters: {k_p: 4, k_d: 0, T_f: 1, lower: -24, upper: 24}, inputs: {r: step.y, y: motor.y}}
+  pid: {block: PID, parameters: {k_p: 4, k_d: 0, T_f: 1, lower: -24, upper: inf}, inputs: {r: step.y, y: motor.y}}
   motor:
     block: StateSpace
     parameters: {A: [[-500, "-50"], [100, -0.1]], B: [[500], [0]], C: [[0, 1]]}
@@ -30,7 +30,7 @@ def sliders(wired):
 def test_numbers_have_sliders_and_what_differs_by_member_has_none(sliders):
     paths = {path.removeprefix("blocks.") for path in sliders}
     assert {"step.parameters.final", "pid.parameters.k_p", "noise.parameters.deviation", "same.parameters.k"} <= paths
-    assert "robots.parameters.k" not in paths
+    assert not {"robots.parameters.k", "pid.parameters.upper"} & paths
     assert {"motor.parameters.A.0.0", "motor.parameters.A.1.1"} <= paths
     assert "motor.parameters.A.0.1" not in paths  # arithmetic, in a text
     assert sliders["blocks.same.parameters.k"]["value"] == 0.5
