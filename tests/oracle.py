@@ -1,7 +1,7 @@
 """An independent simulation of small diagrams, in plain numpy, written from the definition of the methods.
 
-It shares no code with the framework: no order of evaluation (an output is computed when somebody asks for it), no
-table, no memory layout. The time of communication point k is t_k = k h.
+It shares no code with the framework, but the sine, which has tests of its own: no order of evaluation (an output is
+computed when somebody asks for it), no table, no memory layout. The time of communication point k is t_k = k h.
 
 At point k, blocks that are sampled and due take their next state; then every output has its value of t_k. Outputs of
 blocks with `update` and without derivatives change where they are due only. From point k to k + 1, where those that are
@@ -21,11 +21,12 @@ gauss-seidel   the blocks with continuous states take turns, each a block after 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
+from cosim.compiling.interpreted.libm import as_compiled
 
 
 @dataclass
@@ -82,7 +83,8 @@ KINDS = {
 
 
 def _sin(values):
-    return np.vectorize(math.sin, otypes=[float])(values)
+    """Of cosim's own, which has its tests: what is looked at here is of what it is computed, and when."""
+    return np.vectorize(as_compiled("sin", 1), otypes=[float])(values)
 
 
 @dataclass

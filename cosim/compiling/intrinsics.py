@@ -175,6 +175,12 @@ def bytes_at(address: int, size: int) -> np.ndarray:
     return carray(byte_pointer(address), (size,))
 
 
+def power(base: float, exponent: float) -> float:
+    """`cosim.machine.memory.power`, compiled."""
+    result: float = base**exponent
+    return result
+
+
 @dataclass(frozen=True)
 class _ControlWord:
     """A floating-point control word of the processor, and its value for IEEE 754's default arithmetic.

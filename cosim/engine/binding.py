@@ -51,6 +51,7 @@ class Binding:
         self.commands: dict[str, Callable[..., int]]
         derive: Callable[..., int]
         if kernels is None:
+            _compute_powers()
             self._functions = [self._handed(self._python(n)) for n in range(len(program.calls))]
             self.commands, derive = {"run": loop.run, "execute": loop.execute}, integration.derive
         else:
@@ -121,6 +122,13 @@ class Binding:
             control[word] = array.ctypes.data
             self._keep.append(array)
         control[tables.N_GROUPS], control[tables.SOLVER] = len(buffers.groups), self._solver
+
+
+def _compute_powers() -> None:
+    """Have the interpreted loop compute powers as the compiled one does."""
+    from cosim.compiling.interpreted.libm import as_compiled  # which compiles them, unless they are in the cache
+
+    memory.powers[0] = as_compiled("pow", 2)
 
 
 def _forget(handles: Sequence[int]) -> None:

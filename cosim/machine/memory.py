@@ -8,6 +8,7 @@ interpreted engine.
 from __future__ import annotations
 
 import ctypes
+import math
 import mmap
 import sys
 import time
@@ -21,6 +22,8 @@ from cosim.machine import floating
 
 #: What `call` reaches in the interpreted engine: handle -> (time) -> status.
 interpreted: dict[int, Callable[[float], int]] = {}
+#: What `power` is in the interpreted engine: as compiled code has it, once that is loaded.
+powers: list[Callable[[float, float], float]] = [math.pow]
 
 
 ALIGNMENT = 64
@@ -99,6 +102,11 @@ def _prototype(kinds: tuple[type, ...]) -> Callable[[int], Callable[..., int]]:
 def call(function: int, time: float, base: int, frame: int) -> int:
     """Call ``int32 function(double time, uint8 *base, int64 *frame)`` at an address and return its status."""
     return interpreted[int(function)](float(time))
+
+
+def power(base: float, exponent: float) -> float:
+    """A power of a number above 0."""
+    return powers[0](base, exponent)
 
 
 def load(address: int) -> int:

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.machine.memory import reals_at, words_at
+from cosim.machine.memory import power, reals_at, words_at
 from cosim.master.crossings import ROUNDING, anticipate, cross, happen, has_crossed, linger
 from cosim.master.histories import measure, misfit, order_of
 from cosim.master.stepping import advance, hush, perform, restore, save, time_at
@@ -177,7 +177,7 @@ def judge(c: Any, base: int, tolerance: float, status: int, later: float) -> flo
         history = words_at(base + c[HISTORIES] + j * 8, 1)[0]
         error = misfit(base, history, later) / tolerance
         if error > 0.0:
-            factor = min(factor, (1.0 / error) ** (1.0 / (order_of(base, history) + 1)))
+            factor = min(factor, power(1.0 / error, 1.0 / (order_of(base, history) + 1)))
     return factor
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.machine.memory import call, reals_at, words_at
+from cosim.machine.memory import call, power, reals_at, words_at
 from cosim.master.linear import HUGE
 from cosim.master.rosenbrock import linearize, rosenbrock_step, slope_at_begin
 from cosim.master.rows import differentiate, operate
@@ -189,7 +189,7 @@ def plan_first(c: Any, base: int, b: Any, time: float, step: float) -> int:
     for j in range(w.size):
         d[j] -= f[j]
     fastest = max(speed, norm(base, b, d, x) / h)
-    wanted = (0.01 / fastest) ** (1.0 / b[ESTIMATED]) if 1e-15 < fastest * step < HUGE else h
+    wanted = power(0.01 / fastest, 1.0 / b[ESTIMATED]) if 1e-15 < fastest * step < HUGE else h
     memory[NEXT_STEP] = min(100.0 * h, wanted, step)
     return status
 
@@ -208,7 +208,7 @@ def following(b: Any, h: float, planned: float, error: float, rejected: bool) ->
     """
     if not error < HUGE:
         return LEAST * h
-    change = min(MOST, max(LEAST, SAFETY * error ** (-1.0 / b[ESTIMATED]))) if error > 0.0 else MOST
+    change = min(MOST, max(LEAST, SAFETY * power(error, -1.0 / b[ESTIMATED]))) if error > 0.0 else MOST
     if rejected:
         change = min(change, 1.0)
     return max(change * h, planned) if change >= 1.0 else change * h
