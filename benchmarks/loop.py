@@ -19,7 +19,10 @@ from typing import Any
 import formation_numpy
 import numpy as np
 
+from cosim.compiling import emission
+from cosim.compiling.plain_math.definitions import FUNCTIONS, definition
 from cosim.engine import run
+from cosim.machine import object_code
 
 HERE = Path(__file__).parent
 DIAGRAM = HERE.parent / "diagrams" / "formation.yaml"
@@ -34,6 +37,14 @@ STEPS, NUMPY_STEPS = 30_000, 1_000
 
 #: The observers are not Lipschitz at zero error: whatever moves a last bit is amplified, in N_x to a few percent.
 AMPLIFIED = 5e-2
+
+
+def own_functions(folder: Path) -> list[str]:
+    """What C is compiled with so that it calls cosim's elementary functions: they have the C library's names."""
+    ir = "".join(definition(name).replace(f"@cosim_{name}(", f"@{name}(") for name in FUNCTIONS)
+    code = emission.emit(ir, *object_code.host(), list(FUNCTIONS), "functions")
+    (folder / "functions.o").write_bytes(code)
+    return ["-fno-builtin", str(folder / "functions.o")]
 
 
 def build(compiler: str, folder: Path, name: str, *options: str) -> Callable[[], dict[str, Any]]:
@@ -81,6 +92,7 @@ def main() -> None:
         reference = ours(network, None)
         print("Figures of the run beside the diagram's:")
         compare("C -O3", c(), reference)
+        compare("C -O3, cosim's functions", build(options.cc, folder, "same", *own_functions(folder))(), reference)
         compare("C -O3 -march=native", tuned(), reference)
         compare("NumPy", vars(formation_numpy.run(STEPS)[1]), reference)
         programs: dict[str, Callable[[], float]] = {

@@ -126,7 +126,7 @@ def test_an_observer_that_starts_at_zero_falls_into_a_limit_cycle_with_static_ga
 
 @pytest.mark.parametrize("name", ALL)
 def test_interpreted_and_compiled_agree_over_the_first_second(name, tmp_path):
-    """Bit for bit: both call the same functions of the C library in the same order."""
+    """Bit for bit: both do the same operations, and call the same functions, in the same order."""
     stop = "run.stop=0.01" if "fleet" in name else "run.stop=1"  # plain Python takes 0.3 ms a robot and step
     files = []
     for engine in run.ENGINES:

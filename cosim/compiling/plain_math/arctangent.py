@@ -23,7 +23,7 @@ _STEEP = 0.41421356237309503  # tan(pi/8)
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """The angle of the point (x, y), within 0.7 ulp."""
+    """The angle of the point (x, y), within 0.8 ulp."""
     wide, tall = abs(x), abs(y)
     swapped = tall > wide
     a, b = _scaled(select(swapped, tall, wide), select(swapped, wide, tall))

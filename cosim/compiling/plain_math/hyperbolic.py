@@ -10,7 +10,7 @@ from cosim.compiling.plain_math.pairs import added, multiplied
 
 
 def tanh(x: Any) -> Any:
-    """The hyperbolic tangent of x, within 0.8 ulp."""
+    """The hyperbolic tangent of x, within 0.75 ulp."""
     size = abs(x)
     top, top_rest = excess(2.0 * select(size > 22.0, 22.0, size))
     bottom, bottom_rest = added(top, 2.0)

@@ -29,7 +29,7 @@ def octaves(x: Any, least: int) -> tuple[Any, Any]:
 
 
 def log(x: Any) -> Any:
-    """The natural logarithm of x, within 0.7 ulp; of 0 -infinity, below NaN."""
+    """The natural logarithm of x, within 0.85 ulp; of 0 -infinity, below NaN."""
     k, m = octaves(x, _LEAST)
     f = m - 1.0
     s = f / (2.0 + f)

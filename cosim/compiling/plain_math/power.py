@@ -30,7 +30,7 @@ _MOST = 36893488147419103232.0  # 2^65: an exponent so large leads out of all nu
 
 
 def pow(x: Any, y: Any) -> Any:  # noqa: A001  # its name for everybody
-    """x to the power y, within 0.7 ulp."""
+    """x to the power y, within 0.8 ulp."""
     size = abs(x)
     power = _positive(size, select(y > _MOST, _MOST, select(y < -_MOST, -_MOST, y)))
     power = select(size == 0.0, select(y < 0.0, math.inf, 0.0), power)
