@@ -109,7 +109,7 @@ class RefinedRuns:
             for module in (*self._kernels.modules.values(), self._kernels.loop):
                 if module and self._engine == ENGINES[0]:
                     module.load()
-        return self._kernels
+        return compilation.fitting(self._kernels, built)
 
     def _observation(self, refinement: Refinement, run: Run, stop: threading.Event | None = None) -> Observation:
         def watch(time: float) -> None:

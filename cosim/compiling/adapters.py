@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any
 
@@ -28,6 +28,7 @@ class KernelSource:
 
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
     what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
+    absent: functions that it never comes to call, each with what is compiled in its place.
     place, who: file:line and name of the author's function.
     """
 
@@ -37,6 +38,7 @@ class KernelSource:
     meaning: Callable[[], str]
     disjoint: bool = False
     checked: bool = False
+    absent: Mapping[Any, Any] = field(default_factory=dict)
     place: str = ""
     who: str = ""
     lanes: Callable[[], Callable[..., int]] | None = None
@@ -183,10 +185,13 @@ def _size(size: Size, constants: dict[str, int]) -> str:
 
 
 @cache
-def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSource:
+def raw_source(
+    module: str, entry: Callable[[float, int, int], int], absent: tuple[Any, ...] = (), instead: Any = None
+) -> KernelSource:
     """The kernel around a function of a time and two addresses, of the base and of the frame.
 
     Such functions are this package's own and stay as they are: what one reaches is known by the text of the files.
+    absent: what of that it never comes to call; `instead` is compiled in the place of each.
     """
     name = entry.__name__
     text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
@@ -199,4 +204,6 @@ def raw_source(module: str, entry: Callable[[float, int, int], int]) -> KernelSo
         adapter: Callable[..., int] = scope["adapter"]
         return adapter
 
-    return KernelSource(name, build, files_text(entry) + text, lambda: fingerprint(entry) + text)
+    left_out = "".join(f"# without {f.__module__}.{f.__qualname__}\n" for f in absent)
+    digest = files_text(entry) + (files_text(instead) if absent else "") + left_out + text
+    return KernelSource(name, build, digest, lambda: fingerprint(entry) + text, absent=dict.fromkeys(absent, instead))

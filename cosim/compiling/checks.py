@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from numba.core import ir as statements
 from numba.core.compiler_machinery import register_pass
 from numba.core.ir_utils import get_definition, guard
 from numba.core.lowering import Lower
+from numba.core.runtime.context import NRTContext
 from numba.core.typed_passes import NativeLowering, NopythonTypeInference
 
 from cosim.compiling import mixed_numbers
@@ -138,8 +140,23 @@ def _escaped(text: str) -> str:
     return text.replace("%", "%%")
 
 
+class _Uncounted(NRTContext):
+    """numba's run time for arrays of which none owns anything, so that nothing counts who refers to them."""
+
+    def incref(self, builder: Any, typ: Any, value: Any) -> None:
+        """One more, of nothing."""
+
+    def decref(self, builder: Any, typ: Any, value: Any) -> None:
+        """One less, of nothing."""
+
+
 class Context(cpu.CPUContext):
     """numba's own processor target, with this calling convention."""
+
+    @cached_property
+    def nrt(self) -> Any:
+        """As of numba."""
+        return _Uncounted(self, self.enable_nrt)
 
     @property
     def call_conv(self) -> CallConvention:

@@ -88,7 +88,7 @@ def _compile(source: KernelSource, adapter: Any, arguments: tuple[Any, ...], sym
         result = compile_extra(
             target.typing_context,
             target.target_context,
-            helpers.with_compiled_globals(adapter, source.disjoint, source.checked),
+            helpers.with_compiled_globals(adapter, source.disjoint, source.checked, absent=source.absent),
             arguments,
             types.int32,
             flags,

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import gc
 import types as python_types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -114,18 +115,23 @@ _helpers: dict[Any, Helper] = {}
 
 
 def with_compiled_globals(
-    function: Callable[..., Any], disjoint: bool = False, checked: bool = False, inside: tuple[Any, ...] = ()
+    function: Callable[..., Any],
+    disjoint: bool = False,
+    checked: bool = False,
+    inside: tuple[Any, ...] = (),
+    absent: Mapping[Any, Any] = MappingProxyType({}),
 ) -> Callable[..., Any]:
     """A copy of a function whose plain-Python helpers are compiled and whose memory access is machine code.
 
-    disjoint, checked: of the helpers, see `Helper`; inside: the functions that are being looked through. Raises:
-    KernelError for a recursion.
+    disjoint, checked: of the helpers, see `Helper`; inside: the functions that are being looked through. absent: as of
+    `KernelSource`. Raises: KernelError for a recursion.
     """
     scope = dict(function.__globals__)
     for name in _names(function.__code__):
         value = _plain(scope.get(name))
         if name in scope:
             scope[name] = value
+        value = absent.get(value, value) if isinstance(value, python_types.FunctionType) else value
         value = getattr(value, "py_func", value)  # an author's jitted function is compiled as the others are
         if not isinstance(value, python_types.FunctionType) or value.__module__.startswith("numba."):
             continue
@@ -141,7 +147,7 @@ def with_compiled_globals(
             code = value.__code__
             place = Position(shown(code.co_filename), code.co_firstlineno, 1)
             raise KernelError(f"{name}() calls itself", place, "write the recursion as a loop")
-        scope[name] = _helper(value, disjoint, checked, (*inside, value))
+        scope[name] = _helper(value, disjoint, checked, (*inside, value), absent)
     cells = tuple(map(_widened, function.__closure__ or ())) or None
     copy = python_types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, cells)
     copy.__module__ = function.__module__
@@ -168,12 +174,18 @@ def _widened(cell: Any) -> Any:
     return cell if plain is value else python_types.CellType(plain)
 
 
-def _helper(function: Callable[..., Any], disjoint: bool, checked: bool, inside: tuple[Any, ...]) -> Helper:
-    """One helper for all functions of the same code that see the same values, so that blocks share its IR."""
+def _helper(
+    function: Callable[..., Any], disjoint: bool, checked: bool, inside: tuple[Any, ...], absent: Mapping[Any, Any]
+) -> Helper:
+    """One helper for all functions of the same code that see the same values, so that blocks share its IR.
+
+    The framework's own functions stay as they are, so each is its own.
+    """
     file = function.__code__.co_filename
-    key = (function.__qualname__, file, fingerprint(function, lines=True), disjoint, checked)
+    code = (function.__qualname__, file, fingerprint(function, lines=True)) if checked else function
+    key = (code, disjoint, checked, *absent)
     if key not in _helpers:
-        compiled = with_compiled_globals(function, checked=checked, inside=inside)
+        compiled = with_compiled_globals(function, checked=checked, inside=inside, absent=absent)
         _helpers[key] = Helper(compiled, disjoint, checked)
     return _helpers[key]
 

@@ -7,12 +7,11 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
-from numba.np import arrayobj
+from numba.np.arrayobj import make_array, populate_array
 
 array = carray
 BYTES = types.CPointer(types.uint8)
@@ -70,15 +69,22 @@ for _name, _number in NUMBERS.items():
     globals()[f"stack_{_name}"] = _stack(_number)
 
 
-def _view(number: Any, code: Any) -> Any:
+def _view(number: Any) -> Any:
+    """An intrinsic: the array of so many numbers at an address, which owns nothing."""
+    kind = types.Array(number, 1, "C")
+
     @intrinsic
-    def pointer_at(context: Any, address: Any) -> Any:
+    def view(context: Any, address: Any, size: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.inttoptr(arguments[0], code.as_pointer())
+            array, code = make_array(kind)(context, builder), context.get_data_type(number)
+            width = context.get_constant(types.intp, context.get_abi_sizeof(code))
+            data = builder.inttoptr(arguments[0], code.as_pointer())
+            populate_array(array, data, shape=[arguments[1]], strides=[width], itemsize=width, meminfo=None)
+            return array._getvalue()
 
-        return types.CPointer(number)(types.int64), generate
+        return kind(types.int64, types.int64), generate
 
-    return pointer_at
+    return view
 
 
 @intrinsic
@@ -110,10 +116,10 @@ def strided(context: Any, pointer: Any, shape: Any, step: Any) -> Any:
         strides = [step]
         for size in reversed(lengths[1:]):
             strides.insert(0, builder.mul(strides[0], size))
-        view = arrayobj.make_array(kind)(context, builder)
+        view = make_array(kind)(context, builder)
         itemsize = word(context.get_abi_sizeof(context.get_data_type(pointer.dtype)))
         data = builder.bitcast(data, context.get_data_type(pointer.dtype).as_pointer())
-        arrayobj.populate_array(view, data=data, shape=lengths, strides=strides, itemsize=itemsize, meminfo=None)
+        populate_array(view, data=data, shape=lengths, strides=strides, itemsize=itemsize, meminfo=None)
         return view._getvalue()
 
     return kind(pointer, shape, types.int64), generate
@@ -143,36 +149,9 @@ def instance(context: Any, k: Any) -> Any:
     return types.none(types.int64), generate
 
 
-word_pointer = _view(types.int64, ir.IntType(64))
-real_pointer = _view(types.float64, ir.DoubleType())
-single_pointer = _view(types.float32, ir.FloatType())
-integer_pointer = _view(types.int32, ir.IntType(32))
-byte_pointer = _view(types.uint8, ir.IntType(8))
-
-
-def words_at(address: int, size: int) -> np.ndarray:
-    """`cosim.machine.memory.words_at`, compiled."""
-    return carray(word_pointer(address), (size,))
-
-
-def reals_at(address: int, size: int) -> np.ndarray:
-    """`cosim.machine.memory.reals_at`, compiled."""
-    return carray(real_pointer(address), (size,))
-
-
-def singles_at(address: int, size: int) -> np.ndarray:
-    """`cosim.machine.memory.singles_at`, compiled."""
-    return carray(single_pointer(address), (size,))
-
-
-def integers_at(address: int, size: int) -> np.ndarray:
-    """`cosim.machine.memory.integers_at`, compiled."""
-    return carray(integer_pointer(address), (size,))
-
-
-def bytes_at(address: int, size: int) -> np.ndarray:
-    """`cosim.machine.memory.bytes_at`, compiled."""
-    return carray(byte_pointer(address), (size,))
+#: What `cosim.machine.memory` calls so, compiled.
+words_at, reals_at, singles_at = _view(types.int64), _view(types.float64), _view(types.float32)
+integers_at, bytes_at = _view(types.int32), _view(types.uint8)
 
 
 def power(base: float, exponent: float) -> float:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from cosim.compiling import kernels
 from cosim.compiling.kernels import Kernels
@@ -10,6 +13,7 @@ from cosim.compiling.tiles.parts import LEAST
 from cosim.engine import loop_code
 from cosim.engine.program import Program
 from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
+from cosim.master import tables
 from cosim.wiring.network import Component
 
 
@@ -21,7 +25,7 @@ def compile_program(program: Program) -> Kernels:
     made: dict[tuple[Any, ...], kernels.Module | None] = {}
     modules: dict[str, kernels.Module | None] = {}
     problems = Problems()
-    with loop_code.compiled_beside() as loop:
+    with loop_code.compiled_beside(_is_plain(program)) as loop:
         for name, component in program.network.components.items():
             key = (id(component.declaration), component.count >= LEAST, *component.constants().items())
             if key not in made:
@@ -29,6 +33,19 @@ def compile_program(program: Program) -> Kernels:
             modules[name] = made[key]
         problems.raise_if_any()
         return Kernels(modules, loop())
+
+
+def fitting(compiled: Kernels, program: Program) -> Kernels:
+    """The kernels of a program with those of another one of the same blocks. Raises: as `compile_program`."""
+    with loop_code.compiled_beside(_is_plain(program)) as loop:
+        return replace(compiled, loop=loop())
+
+
+def _is_plain(program: Program) -> bool:
+    """Whether the loop does without what most programs do not need."""
+    more = (tables.SOLVE, tables.PUSH, tables.TRACE, tables.FORGET)
+    chosen = program.banks[:, [tables.CONTROLLED, tables.IMPLICIT]].any()
+    return not (program.attempts.needed or chosen or np.isin(program.rows[:, tables.KIND], more).any())
 
 
 def _module(component: Component, problems: Problems) -> kernels.Module | None:

@@ -20,7 +20,7 @@ import pytest
 from cosim.compiling import emission
 from cosim.compiling.interpreted.libm import as_compiled
 from cosim.compiling.plain_math import wide_angles
-from cosim.compiling.plain_math.definitions import FUNCTIONS, definition, with_definitions
+from cosim.compiling.plain_math.definitions import FUNCTIONS, definition, renamed, with_definitions
 from cosim.machine import object_code
 
 LARGEST, LEAST, NORMAL = np.finfo(float).max, 5e-324, np.finfo(float).tiny
@@ -130,7 +130,7 @@ def test_vectors_have_the_bits_of_scalars(name, processor):
     triple, *own = object_code.host()
     target = (triple, *(own if processor == "this" else ("generic", "")))
     ir = loop_ir(name, f"cosim_{name}_core")
-    text = str(emission._optimised(ir, *target, [f"loop_{name}"], name, vectors=True)[1])
+    text = str(emission._optimised(ir, *target, [f"loop_{name}"])[1])
     assert re.search(r"fmul <\d+ x double>", text)
     function, x = FUNCTIONS[name], arguments(name)
     if function.outside is not None:
@@ -164,7 +164,7 @@ def test_calls_of_the_c_library_become_calls_of_these_whose_definitions_come_alo
     ir = "declare double @llvm.sin.f64(double) #2\ndeclare double @tanh(double)\ndeclare double @tan(double)\n"
     ir += "define double @f(double %x) {\n  %a = call double @llvm.sin.f64(double %x)\n"
     ir += "  %b = call double @tanh(double %a)\n  %c = call double @tan(double %b)\n  ret double %c\n}\n"
-    found = with_definitions(ir)
+    found = with_definitions(renamed(ir))
     defined = {*re.findall(r"define .*@(\w+)\(", found)}
     assert defined == {"f", "cosim_sin", "cosim_tanh"} | {f"cosim_sin_{p}" for p in ("core", "outside", "wide")} | {
         "cosim_tanh_core"

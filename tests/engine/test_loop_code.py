@@ -51,7 +51,7 @@ def test_the_loop_comes_from_the_other_process_or_is_compiled_here(monkeypatch, 
     monkeypatch.setattr(loop_code, "_WORDS", words)
     compiled_here = []
     monkeypatch.setattr(cache, "write", lambda *entry: compiled_here.append(entry))
-    with loop_code.compiled_beside() as loop:
+    with loop_code.compiled_beside(plain=False) as loop:
         module = loop()
     assert len(began) == 1
     assert len(compiled_here) == (words != KEEPS)
@@ -62,7 +62,7 @@ def test_the_loop_comes_from_the_other_process_or_is_compiled_here(monkeypatch, 
 def test_what_is_kept_needs_no_other_process(began):
     module = loop_code.compile_loop()
     assert module.compiled_now
-    with loop_code.compiled_beside() as loop:
+    with loop_code.compiled_beside(plain=False) as loop:
         assert not loop().compiled_now
     assert not began
 
@@ -73,13 +73,13 @@ def test_what_cannot_be_handed_over_is_compiled_here(monkeypatch, began, tmp_pat
         (tmp_path / "cache").write_text("no folder")
     else:
         monkeypatch.setattr(parallel, "processors", lambda: 1)
-    with loop_code.compiled_beside() as loop:
+    with loop_code.compiled_beside(plain=False) as loop:
         assert loop().compiled_now
     assert not began
 
 
 def test_the_other_process_ends_when_a_block_cannot_be_compiled(monkeypatch, began):
     monkeypatch.setattr(loop_code, "_WORDS", "import time; time.sleep(3600)")
-    with pytest.raises(ZeroDivisionError), loop_code.compiled_beside():
+    with pytest.raises(ZeroDivisionError), loop_code.compiled_beside(plain=False):
         raise ZeroDivisionError
     assert began[0].returncode not in (0, None)
