@@ -13,7 +13,7 @@ function el(tag, about = {}, ...inside) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(about)) {
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (name in made && name !== "list" && name !== "form") made[name] = value;
+    else if (name in made) made[name] = value;
     else made.setAttribute(name, value);
   }
   made.append(...inside.flat().filter(part => part !== null && part !== undefined && part !== ""));
@@ -57,11 +57,11 @@ function showHead() {
   document.title = `${state.mistakes.length ? "✗ " : ""}${title}`;
   $("said").textContent = advance?.text || (run
     ? `${short(run.time)} s in ${run.steps} steps · took ${duration(run.seconds.solve)}${run.compiled ? ` · ${run.compiled} kernels compiled` : ""}` : "");
-  const [word, kind] = advance ? ["running", "busy"] : state.mistakes.length ? ["has mistakes", "bad"]
+  const [word, kind] = advance?.text ? ["running", "busy"] : state.mistakes.length ? ["has mistakes", "bad"]
     : run ? [run.status, run.status === "completed" ? "good" : "bad"] : ["waiting", ""];
   $("status").textContent = word;
   $("status").className = `pill ${kind}`;
-  $("bar").hidden = !advance;
+  $("bar").hidden = !advance?.text;
   $("bar").firstElementChild.style.width = `${100 * (advance?.part ?? 0)}%`;
 }
 
@@ -73,6 +73,11 @@ async function showDrawing() {
   const text = await (await fetch("drawing")).text();
   const parsed = new DOMParser().parseFromString(text.slice(text.indexOf("<svg")), "text/html");
   const svg = parsed.querySelector("svg");
+  for (const box of svg.querySelectorAll("[data-block]")) {
+    box.setAttribute("tabindex", "0");
+    box.setAttribute("role", "button");
+    box.setAttribute("aria-label", box.dataset.block);
+  }
   $("drawing").replaceChildren(svg);
   $("drawing").classList.toggle("large", svg.width.baseVal.value > 2600);
   markBlock();
@@ -87,6 +92,10 @@ function markBlock() {
 $("drawing").addEventListener("click", event => {
   const box = event.target.closest("[data-block]");
   open(box ? box.dataset.block : "");
+});
+
+$("drawing").addEventListener("keydown", event => {
+  if (event.key === "Enter" && event.target.dataset.block) open(event.target.dataset.block);
 });
 
 function open(name) {
@@ -272,8 +281,9 @@ async function ask() {
   const width = Math.round(Math.max(300, ...several.map(p => p.canvas.clientWidth)) * (window.devicePixelRatio || 1));
   const wanted = several.map(p => ({ name: p.layout.name, channel: p.channel, first: p.first, count: MOST_LINES }));
   const found = await post("curves", { runs: numbers, span: span.shown, width, plots: wanted });
+  if (found.runs.some(r => !r.plots)) return;  // another run has taken its place, of which the next state tells
   const spans = found.runs.map(r => r.span).filter(Boolean);
-  if (!spans.length) return;
+  if (!spans.length) spans.push([0, 1]);
   span.whole = [Math.min(...spans.map(s => s[0])), Math.max(...spans.map(s => s[1]))];
   if (span.whole[0] === span.whole[1]) span.whole[1] += 1;
   if (span.shown && (span.shown[0] >= span.whole[1] || span.shown[1] <= span.whole[0])) span.shown = null;
@@ -315,8 +325,7 @@ async function showSliders() {
     dragging = "";
     const sliders = await get("sliders");
     rows.clear();
-    const groups = Map.groupBy ? Map.groupBy(sliders, s => s.block) : grouped(sliders);
-    $("sliders").replaceChildren(...[...groups].map(([name, own]) =>
+    $("sliders").replaceChildren(...[...grouped(sliders)].map(([name, own]) =>
       el("fieldset", {}, el("legend", {}, name), own.map(slider))));
     if (!sliders.length) $("sliders").append(el("p", { className: "soft" }, "no parameter is a number"));
     filterSliders();
@@ -435,7 +444,7 @@ async function send() {
 // ---- the state ----
 
 async function show(new_) {
-  const before = state?.run;
+  const before = state?.run, sketched = state?.sketch?.sketched;
   state = new_;
   showHead();
   showMistakes();
@@ -443,7 +452,7 @@ async function show(new_) {
   const another = state.run && (state.run.number !== before?.number || state.run.before !== before?.before);
   if (another) { arrange(); await refresh(); }
   await Promise.all([showSliders(), showDrawing()]);
-  if (another || !before) showChecks();
+  if (another || state.sketch?.sketched !== sketched) showChecks();
   if (another && openBlock) await showBlock();
   if (another) {
     document.body.dataset.run = state.run.number;

@@ -117,7 +117,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._json(self._curves(wanted))
             else:
                 self.send_error(404)
-        except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError):
             self.send_error(400)
 
     # ---- requests ----
@@ -177,11 +177,11 @@ class _Handler(BaseHTTPRequestHandler):
         runs = []
         for number in wanted["runs"]:
             track = self._session.track(number)
-            span = curve_views.span_of(track) if track else None
-            if track is None or span is None:
-                runs.append({"number": number, "span": None, "plots": []})
+            if track is None:  # another run has taken its place
+                runs.append({"number": number, "span": None, "plots": None})
                 continue
-            window = wanted["span"] or span
+            span = curve_views.span_of(track)
+            window = wanted["span"] or span or (0.0, 0.0)
             width = min(max(int(wanted["width"]), 10), 10_000)
             plots = [curve_views.window(track, plot, window, width) for plot in wanted["plots"]]
             runs.append({"number": number, "span": span, "plots": plots})

@@ -106,7 +106,9 @@ class WatchSession:
 
     def _hear(self, answer: Answer) -> None:
         with self._news:
-            order = self._orders[answer.number]
+            order = self._orders.get(answer.number)
+            if order is None:  # a word that came late
+                return
             if order.save == self._order.save:  # else the files have changed since
                 self._take(answer, order)
             elif isinstance(answer, Figures):

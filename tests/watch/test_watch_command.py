@@ -68,6 +68,13 @@ def test_a_study_and_a_file_that_is_not_there_are_refused(tmp_path, capsys):
     assert "none.yaml" in capsys.readouterr().err
 
 
+def test_a_slip_of_the_command_line_is_told_at_once(lag, capsys):
+    assert main(["watch", str(lag / "lag.yaml"), "--no-browser", "--set", "blocks.lga.parameters.T=1"]) == 2
+    assert "--set blocks.lga" in capsys.readouterr().err
+    assert main(["watch", str(lag / "lag.yaml"), "--no-browser", "--swap", "lga=Lag"]) == 2
+    assert "no block `lga`" in capsys.readouterr().err
+
+
 def test_help_has_examples():
     told = subprocess.run(
         [sys.executable, "-m", "cosim", "watch", "--help"], capture_output=True, text=True, check=True

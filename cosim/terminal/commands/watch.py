@@ -7,15 +7,20 @@ import sys
 import tempfile
 import threading
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 
-from cosim.errors import DiagramErrors, MissingFile, Problems, WrongFile
+from cosim.errors import DiagramErrors, Problems, WrongFile
 from cosim.language import diagram as diagrams
+from cosim.machine import interruption
 from cosim.terminal.commands.options import diagram_arguments, settings_of
 from cosim.terminal.exits import DONE
 from cosim.terminal.screen import say
 from cosim.watch.page_server import PageServer
 from cosim.watch.session import WatchSession
+
+LOOK = 0.1
+"""Seconds between two looks of the server at whether it is to end."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,35 +44,45 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Show the page until somebody ends the program. Raises: DiagramErrors, UsageError."""
-    _refuse(options.diagram)
+    settings, swaps = tuple(settings_of(options)), tuple(options.swap)
+    _refuse(options.diagram, settings, swaps)
     with tempfile.TemporaryDirectory(prefix="cosim-watch-", ignore_cleanup_errors=True) as folder:
-        session = WatchSession(options.diagram, tuple(settings_of(options)), tuple(options.swap), Path(folder))
+        session = WatchSession(options.diagram, settings, swaps, Path(folder))
         try:
             with PageServer(session, options.port) as server:
-                threading.Thread(target=server.serve_forever, daemon=True).start()
-                session.start()
-                say(f"{options.diagram} is shown at {server.guard.address}")
-                say("Ctrl-C ends it")
-                sys.stdout.flush()
-                if not options.no_browser:
-                    _open(server.guard.address)
-                threading.Event().wait()
+                threading.Thread(target=server.serve_forever, args=[LOOK], daemon=True).start()
+                try:
+                    session.start()
+                    _tell(options.diagram, server.guard.address)
+                    if not options.no_browser:
+                        _open(server.guard.address)
+                    threading.Event().wait()
+                finally:
+                    server.shutdown()
         finally:
-            session.close()
+            with interruption.deferred():
+                session.close()
     return DONE
 
 
-def _refuse(path: Path) -> None:
-    """A slip of the command line; all else that is wrong with a diagram the page shows. Raises: DiagramErrors."""
+def _tell(path: Path, address: str) -> None:
+    say(f"{path} is shown at {address}")
+    say("Ctrl-C ends it")
+    sys.stdout.flush()
+
+
+def _refuse(path: Path, settings: Sequence[str], swaps: Sequence[str]) -> None:
+    """What no save would put right; all else that is wrong with a diagram the page shows. Raises: DiagramErrors."""
     if path.suffix.lower() == ".fmu" and path.is_file():
         return
+    problems = Problems()
     try:
-        diagrams.read(path, (), (), Problems())
+        diagrams.read(path, settings, swaps, problems)
     except DiagramErrors as error:
-        if any(
-            isinstance(one, WrongFile) or (isinstance(one, MissingFile) and not path.is_file()) for one in error.errors
-        ):
+        if not path.is_file() or any(isinstance(one, WrongFile) for one in error.errors):
             raise
+    if slips := [one for one in problems.errors if one.position and not one.position.line]:
+        raise DiagramErrors(slips)
 
 
 def _open(address: str) -> None:
