@@ -59,8 +59,7 @@ class Workplace:
         try:
             if self._of != (order.save, order.shown):
                 self._of = None
-                self._load(order)
-                see_wanted()
+                self._load(order, see_wanted)
             if self._template:
                 self._run(order, self._template, see_wanted)
         except CosimError as error:
@@ -72,18 +71,20 @@ class Workplace:
         files = self._loaded.files if self._loaded else ()
         self._tell(Mistaken(order.number, files, mistake_views.views(errors)))
 
-    def _load(self, order: Order) -> None:
-        """Read, wire and compile the diagram. Raises: CosimError."""
+    def _load(self, order: Order, see_wanted: Callable[[], None]) -> None:
+        """Read, wire and compile the diagram. Raises: CosimError, Unwanted."""
         self._template = None
         self._loaded = loading.load(order)
         if self._loaded.network is None:
             self._tell_mistakes(order, self._loaded.errors)
             return
+        see_wanted()
         with importing.LOADING:
             self._template = Template(_recording(self._loaded.network, order.shown))
         self._compiled = self._template.kernels.compiled
         self._drawing = svg(shapes.drawing(self._template.network))
         self._of = (order.save, order.shown)
+        see_wanted()
 
     def _run(self, order: Order, template: Template, see_wanted: Callable[[], None]) -> None:
         places = {path: Position(f"--set {path}={value!r}") for path, value in order.sliders.items()}

@@ -83,14 +83,24 @@ class Runner:
                 self._doing = None
                 if self._compiled > MOST_COMPILED:
                     self._end()
-                self._process = self._process or _started()
+                started = self._process is None
+                process = self._process = self._process or _started()
+            if started:  # nothing is wanted of it, nor given up, before it can listen
+                self._begin(process)
+            with self._changed:
                 self._changed.wait_for(lambda: self._next or self._closed)
                 if self._closed:
                     self._end()
                     return
                 assert self._next
                 order, self._next, self._doing, self._since = self._next, None, self._next, clock.monotonic()
-            self._do(order, self._process)
+            self._do(order, process)
+
+    def _begin(self, process: subprocess.Popen[bytes]) -> None:
+        """Wait for its first word; one that cannot begin is seen to be gone where it has something to do."""
+        assert process.stdout
+        with suppress(EOFError, OSError, pickle.UnpicklingError):
+            pickle.load(process.stdout)  # noqa: S301  # of our own process
 
     def _do(self, order: Order, process: subprocess.Popen[bytes]) -> None:
         assert process.stdout

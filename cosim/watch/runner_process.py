@@ -70,7 +70,9 @@ def main() -> None:
         asked = _Asked(stream)
         threading.Thread(target=asked.listen, daemon=True).start()
         library.all_blocks()  # which takes a moment that nobody waits for yet
-        _serve(asked, partial(_send, answered))
+        tell = partial(_send, answered)
+        tell(Advance(0, "ready"))
+        _serve(asked, tell)
 
 
 def _send(stream: IO[bytes], answer: Answer) -> None:
