@@ -74,6 +74,7 @@ class Workplace:
     def _load(self, order: Order, see_wanted: Callable[[], None]) -> None:
         """Read, wire and compile the diagram. Raises: CosimError, Unwanted."""
         self._template = None
+        self._tell(Advance(order.number, "reading"))
         self._loaded = loading.load(order)
         if self._loaded.network is None:
             self._tell_mistakes(order, self._loaded.errors)

@@ -99,7 +99,6 @@ class WatchSession:
         )
         self._orders[number] = self._order
         self._advance = {"text": "", "part": None}
-        self._tell()
         self._runner.submit(self._order, urgent=save != last.save)
 
     # ---- what the runner says ----
@@ -118,7 +117,8 @@ class WatchSession:
                 self._advance = self._advance if self._orders else None
                 if not isinstance(answer, Figures):
                     shutil.rmtree(order.folder, ignore_errors=True)
-            self._tell()
+            if not (isinstance(answer, Sketch) and order.sliders):  # whose figures come at once
+                self._tell()
 
     def _take(self, answer: Answer, order: Order) -> None:
         if isinstance(answer, Advance):
