@@ -44,7 +44,7 @@ def own_functions(folder: Path) -> list[str]:
     ir = "".join(definition(name).replace(f"@cosim_{name}(", f"@{name}(") for name in FUNCTIONS)
     code = emission.emit(ir, *object_code.host(), list(FUNCTIONS), "functions")
     (folder / "functions.o").write_bytes(code)
-    return ["-fno-builtin", str(folder / "functions.o")]
+    return ["-fno-builtin", "-DEACH_NEURON", str(folder / "functions.o")]
 
 
 def build(compiler: str, folder: Path, name: str, *options: str) -> Callable[[], dict[str, Any]]:
