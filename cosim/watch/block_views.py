@@ -31,6 +31,7 @@ def _view(component: Component, part: ComponentOverview, recordable: set[Signal]
     others = [
         v for v in variables if Signal(component.name, v.name) in recordable and not isinstance(v, Input | Parameter)
     ]
+    others.sort(key=lambda variable: variable.causality != "output")
     return {
         "name": part.name,
         "type": part.type,
@@ -73,12 +74,5 @@ def text_of(values: np.ndarray, per_member: bool) -> str:
     """Some numbers as text; those of several members, each its own, where they differ."""
     if len(values) == 1 or (per_member and len(values) and bool(np.all(values == values[:1]))):
         values = values[0]
-    flat = np.asarray(values).ravel()
-    plain: list[Any] = flat[: SHOWN + 1].tolist()
-    if np.ndim(values) == 0:
-        return format_value(plain[0])
-    return format_value(plain) if np.ndim(values) == 1 else f"{_sizes(values)} {format_value(plain)}"
-
-
-def _sizes(values: np.ndarray) -> str:
-    return "×".join(map(str, np.shape(values)))
+    plain: list[Any] = np.asarray(values).ravel()[: SHOWN + 1].tolist()
+    return format_value(plain if np.ndim(values) else plain[0])
