@@ -34,9 +34,12 @@ class Everything(Block):
     number = Parameter(dtype=np.int32, unit="1")
     on = Parameter(dtype=bool, unit="1")
     y = Output(9)
+    counts = Output(2, dtype=np.int32, unit="1")
+    high = Output(dtype=bool, unit="1")
+    single = Output(3, dtype=np.float32)
     kept = State()
 
-    def outputs(time, x, number, on, y):
+    def outputs(time, x, number, on, y, counts, high, single):
         y[0] = math.exp(x[0]) + time
         y[1] = math.sin(x[1]) * number
         y[2] = math.cos(x[1])
@@ -46,6 +49,10 @@ class Everything(Block):
         y[6] = math.pow(abs(x[3]), 0.3)
         y[7] = math.sqrt(abs(x[0]))
         y[8] = x[4] if on else 0.0
+        counts[0], counts[1] = number, 2 if x[0] > 0.0 else 1
+        high[0] = x[1] > x[2]
+        for q in range(3):
+            single[q] = 0.5 if x[q] > 1.0 else 0.25
 
     def derivatives(x, d_kept):
         d_kept[0] = math.sin(x[0])
