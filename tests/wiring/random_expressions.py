@@ -120,7 +120,7 @@ def value(tree, names):
     if operation == "**" and values[1] in (2.0, 3.0, 4.0) and [*map(_is_constant, parts)] == [False, True]:
         a = values[0]  # a product
         return {2.0: a * a, 3.0: a * (a * a), 4.0: (a * a) * (a * a)}[values[1]]
-    return _number(operation, values)
+    return _number(operation, values, _is_constant(tree))
 
 
 def _is_constant(tree):
@@ -133,17 +133,17 @@ def _compared(operation, a, b):
     return {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}[operation]
 
 
-def _number(operation, values):
+def _number(operation, values, constant):
     if any(map(math.isnan, values)):
         # Powers are those of C, where 1 to any power and any number to the power 0 are 1.
-        return _power(*values) if operation == "**" else math.nan
+        return _power(*values, constant) if operation == "**" else math.nan
     if operation in ("min", "max"):
         return {"min": min, "max": max}[operation](values)
     a, b = values[0], values[-1]
     if operation == "**":
-        return _power(a, b)
+        return _power(a, b, constant)
     if operation == "log of":
-        return _divided(_number("log", [a]), _number("log", [b]))
+        return _divided(_number("log", [a], constant), _number("log", [b], constant))
     if operation in ("/", "//", "%"):
         return _divided(a, b) if operation == "/" else _whole(operation, a, b)
     if operation in ("+", "-", "*", "neg"):
@@ -152,12 +152,15 @@ def _number(operation, values):
         return math.copysign(1.0, a) if a else a
     if operation in ("floor", "ceil", "abs"):
         return a if math.isinf(a) and operation != "abs" else float(getattr(math, operation, abs)(a))
-    return _of_math(operation, values)
+    return _of_math(operation, values, constant)
 
 
-def _of_math(operation, values):
-    """What a function of `math` gives, or C's where Python raises; cosim's own, which have tests of their own."""
-    if operation in FUNCTIONS:
+def _of_math(operation, values, constant):
+    """What a function of `math` gives, or C's where Python raises.
+
+    What is no constant is computed by cosim's own functions, if there is one, which have tests of their own.
+    """
+    if operation in FUNCTIONS and not constant:
         return as_compiled(operation, len(values))(*values)
     try:
         return getattr(math, operation)(*values)
@@ -187,5 +190,12 @@ def _whole(operation, a, b):
     return a // b if operation == "//" else a % b
 
 
-def _power(a, b):
-    return as_compiled("pow", 2)(a, b)
+def _power(a, b, constant):
+    if not constant:
+        return as_compiled("pow", 2)(a, b)
+    try:
+        return math.pow(a, b)
+    except (OverflowError, ValueError) as error:
+        if a and isinstance(error, ValueError):
+            return math.nan
+        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
