@@ -450,14 +450,15 @@ async function show(new_) {
   showMistakes();
   showFigures();
   const another = state.run && (state.run.number !== before?.number || state.run.before !== before?.before);
-  if (another) { arrange(); await refresh(); }
+  if (another) {
+    arrange();
+    await refresh();
+    document.body.dataset.run = state.run.number;  // its figures and plots are drawn
+  }
   await Promise.all([showSliders(), showDrawing()]);
   if (another || state.sketch?.sketched !== sketched) showChecks();
   if (another && openBlock) await showBlock();
-  if (another) {
-    document.body.dataset.run = state.run.number;
-    await showMotion();
-  }
+  if (another) await showMotion();
 }
 
 let showing = false, next = null;
