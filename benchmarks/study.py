@@ -24,7 +24,7 @@ from cosim.study.plan import members
 from cosim.study.running import Options
 from cosim.study.variants import Variants
 
-SETTINGS = ("grid={}", "variants={APFTVT: {}}", "explain=null", "figures={}", "tables={}")
+SETTINGS = ("grid={}", "variants={APFTVT: {}}", "figures={}", "tables={}")
 SINGLE_RUNS = 7
 
 
