@@ -22,6 +22,7 @@ from cosim.engine import compilation, loop_code, program, run
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
 from cosim.machine import cache
+from cosim.terminal import cli
 from cosim.wiring.network import Network, Signal
 
 # The same examples at every run: a test that fails here fails everywhere. `--hypothesis-profile search` draws new ones.
@@ -90,6 +91,18 @@ def write(tmp_path):
         return path
 
     return write_text
+
+
+@pytest.fixture
+def cosim(tmp_path, monkeypatch, capsys):
+    """Run the command line in an empty folder: (exit code, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        code = cli.main([str(a) for a in arguments])
+        return code, *capsys.readouterr()
+
+    return call
 
 
 @pytest.fixture

@@ -13,7 +13,6 @@ from cosim.engine.simulation import Simulation
 from cosim.profiling.profile import REST, profile
 from cosim.profiling.timed_rows import TimedRows
 from cosim.results.result_file import open_result
-from cosim.terminal import cli
 from tests.fmu import machine
 from tests.fmu.machine import Model
 from tests.fmu.test_input_derivatives import FLAGS, NATIVE, TEXT, VARIABLES
@@ -85,18 +84,6 @@ record: {{signals: [first.x, second.x, held.n]}}
 metrics: {{top: {{signal: first.x, reduce: max}}}}
 requirements: {{low: always(held.n < 1e9)}}
 """
-
-
-@pytest.fixture
-def cosim(tmp_path, monkeypatch, capsys):
-    """Run the command line in an empty folder: (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = cli.main([str(a) for a in arguments])
-        return code, *capsys.readouterr()
-
-    return call
 
 
 @pytest.fixture

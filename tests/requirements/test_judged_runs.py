@@ -10,7 +10,6 @@ from cosim.engine import run
 from cosim.export.exporter import export_fmu
 from cosim.language import diagram as diagrams
 from cosim.results.result_file import open_result, read_attributes, requirements_in
-from cosim.terminal import cli
 from tests.interrupted import assert_same, executed, killed
 
 SWING = """
@@ -29,18 +28,6 @@ requirements:
   fleet: always[1, 5](norm(lag.x) < 30 and lag.x[2, 1] > -9)
   flags: not always(lag.large)
 """
-
-
-@pytest.fixture
-def cosim(tmp_path, monkeypatch, capsys):
-    """Run the command line in an empty folder: (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = cli.main([str(a) for a in arguments])
-        return code, *capsys.readouterr()
-
-    return call
 
 
 @pytest.fixture

@@ -32,18 +32,6 @@ metrics:
 """
 
 
-@pytest.fixture
-def cosim(tmp_path, monkeypatch, capsys):
-    """Run the command line in an empty folder: (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = cli.main([str(a) for a in arguments])
-        return code, *capsys.readouterr()
-
-    return call
-
-
 def test_json_is_one_object_and_nothing_else(cosim, write):
     code, out, _ = cosim("run", write(SMALL), "--json")
     answer = json.loads(out)

@@ -166,18 +166,6 @@ def test_a_disk_that_is_full_for_a_checkpoint_ends_the_run(start, tmp_path):
         assert result.attrs["status"] == "failed" and result.attrs["steps"] == 0
 
 
-@pytest.fixture
-def cosim(tmp_path, monkeypatch, capsys):
-    """Run the command line in an empty folder: (exit code, standard output, standard error)."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = cli.main([str(a) for a in arguments])
-        return code, *capsys.readouterr()
-
-    return call
-
-
 SHORT = LONG.replace("stop: 300", "stop: 1").replace("from: 100", "from: 0.5")
 
 
