@@ -259,20 +259,23 @@ function swatch(k) {
   return made;
 }
 
-let asking = false, again = false;
-
-// Ask for what is shown, once at a time: the newest wish counts.
-async function refresh() {
-  again = true;
-  if (asking) return;
-  asking = true;
-  try {
-    while (again) {
-      again = false;
-      await ask();
-    }
-  } finally { asking = false; }
+// Does something once at a time, and once more for all who wished it meanwhile: the newest wish counts.
+function once(task) {
+  let busy = false, again = false;
+  return async () => {
+    again = true;
+    if (busy) return;
+    busy = true;
+    try {
+      while (again) {
+        again = false;
+        await task();
+      }
+    } finally { busy = false; }
+  };
 }
+
+const refresh = once(ask);
 
 async function ask() {
   const run = state?.run, several = [...plots.values()];
@@ -427,19 +430,7 @@ function filterSliders() {
   }
 }
 
-let sending = false, unsent = false;
-
-async function send() {
-  unsent = true;
-  if (sending) return;
-  sending = true;
-  try {
-    while (unsent) {
-      unsent = false;
-      await post("slide", { values });
-    }
-  } finally { sending = false; }
-}
+const send = once(() => post("slide", { values }));
 
 // ---- the state ----
 
@@ -461,24 +452,11 @@ async function show(new_) {
   if (another) await showMotion();
 }
 
-let showing = false, next = null;
-
-// One state after the other; of several that wait, the newest.
-async function take(new_) {
-  next = new_;
-  if (showing) return;
-  showing = true;
-  try {
-    while (next) {
-      const one = next;
-      next = null;
-      await show(one);
-    }
-  } finally { showing = false; }
-}
+let newest = null;
+const take = once(() => show(newest));
 
 const events = new EventSource("events");
-events.onmessage = event => take(JSON.parse(event.data));
+events.onmessage = event => { newest = JSON.parse(event.data); take(); };
 events.onerror = () => {
   $("status").textContent = "cosim watch has ended";
   $("status").className = "pill bad";
