@@ -107,25 +107,9 @@ def adapter_text(declaration: Declaration, function: Function, constants: dict[s
     lines += _temporaries(declaration, function, constants, frame)
     lines += [f"    for k in range({'first, last' if tiled else f'frame[{INSTANCES}]'}):", "        instance(k)"]
     for argument, slot in frame.slots.items():
-        variable = variable_of(declaration, argument)
         place = f"base, frame[{slot}] + k * frame[{slot + 1}]"
-        kind = variable.dtype.name
-        if is_scalar(variable, function, argument):
-            lines.append(f"        {argument}_ = widened(load_{kind}({place}))")
-        else:
-            sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
-            shape = f"({', '.join(sizes or ['1'])},)"
-            view = f"array(pointer_{kind}({place}), {shape})"
-            if tiled:
-                view = f"strided(pointer_{kind}({place}), {shape}, {variable.dtype.itemsize})"
-            lines.append(f"        {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
+        lines.append(f"        {argument}_ = {_given(declaration, function, constants, argument, place, int(tiled))}")
     return _called(lines, declaration, function, " " * 8)
-
-
-def _called(lines: list[str], declaration: Declaration, function: Function, indent: str) -> str:
-    given = (*function.arguments, *(t.name for t in lowered(declaration, function).temporaries))
-    call = ", ".join("time" if a == "time" else f"{a}_" for a in given)
-    return "\n".join([*lines, f"{indent}function({call})", "    return 0", ""])
 
 
 def lane_text(
@@ -135,16 +119,33 @@ def lane_text(
     lines = ["def adapter(time, tile, lane):"]
     arguments = [name for name in function.arguments if name != "time"]
     for argument, part in zip(arguments, parts, strict=True):
-        variable = variable_of(declaration, argument)
         place = f"tile, {part.offset} + lane * {part.itemsize}"
-        if is_scalar(variable, function, argument):
-            lines.append(f"    {argument}_ = widened(load_{part.kind}({place}))")
-        else:
-            sizes = [str(constants[d] if isinstance(d, str) else d) for d in variable.shape]
-            shape, step = f"({', '.join(sizes or ['1'])},)", MEMBERS * part.itemsize
-            view = f"strided(pointer_{part.kind}({place}), {shape}, {step})"
-            lines.append(f"    {argument}_ = {view if argument in function.writes else f'read_only({view})'}")
+        lines.append(f"    {argument}_ = {_given(declaration, function, constants, argument, place, MEMBERS)}")
     return _called(lines, declaration, function, " " * 4)
+
+
+def _given(
+    declaration: Declaration, function: Function, constants: dict[str, int], argument: str, place: str, apart: int
+) -> str:
+    """What makes an argument of the memory at a place.
+
+    apart: how far an element is from the next one, in elements, for arrays that say so; 0: for such as numba's own.
+    """
+    variable = variable_of(declaration, argument)
+    kind = variable.dtype.name
+    if is_scalar(variable, function, argument):
+        return f"widened(load_{kind}({place}))"
+    sizes = [str(constants.get(d, f"{d}_size")) if isinstance(d, str) else str(d) for d in variable.shape]
+    memory = f"pointer_{kind}({place}), ({', '.join(sizes or ['1'])},)"
+    view = f"strided({memory}, {apart * variable.dtype.itemsize})" if apart else f"array({memory})"
+    return view if argument in function.writes else f"read_only({view})"
+
+
+def _called(lines: list[str], declaration: Declaration, function: Function, indent: str) -> str:
+    """The source with a call of the author's function at its end."""
+    given = (*function.arguments, *(t.name for t in lowered(declaration, function).temporaries))
+    call = ", ".join("time" if a == "time" else f"{a}_" for a in given)
+    return "\n".join([*lines, f"{indent}function({call})", "    return 0", ""])
 
 
 def _parts(declaration: Declaration, function: Function, constants: dict[str, int]) -> tuple[TilePart, ...]:

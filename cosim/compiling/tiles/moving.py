@@ -39,20 +39,20 @@ def gathered(name: str, part: TilePart) -> Iterator[str]:
     """An argument of eight members into its tile."""
     kind = _KINDS[part.kind]
     for begin, size in _chunks(part):
-        rows = [f"%{name}_{begin}_m{lane}" for lane in range(MEMBERS)]
-        for lane, row in enumerate(rows):
+        members = [f"%{name}_{begin}_m{lane}" for lane in range(MEMBERS)]
+        for lane, row in enumerate(members):
             yield f"  {row}_p = getelementptr i8, ptr %{name}_m{lane}, i64 {begin * part.itemsize}"
         if size == 1:
             before = "poison"
-            for lane, row in enumerate(rows):
+            for lane, row in enumerate(members):
                 yield f"  {row} = load {kind}, ptr {row}_p"
                 yield f"  {row}_v = insertelement <{MEMBERS} x {kind}> {before}, {kind} {row}, i64 {lane}"
                 before = f"{row}_v"
             columns = [before]
         else:
-            for row in rows:
+            for row in members:
                 yield f"  {row} = {_masked('load', kind, size, row)}"
-            columns = yield from _transposed(rows, f"{name}_{begin}_in", kind)
+            columns = yield from _transposed(members, f"{name}_{begin}_in", kind)
         for column in range(size):
             place = f"%{name}_{begin + column}_to"
             offset = part.offset + (begin + column) * MEMBERS * part.itemsize
@@ -94,10 +94,9 @@ def _masked(what: str, kind: str, size: int, place: str, value: str = "") -> str
     """A load or a store of the first elements of a vector."""
     vector, name = f"<{MEMBERS} x {kind}>", f"@llvm.masked.{what}.v{MEMBERS}{_SHORT.get(kind, kind)}.p0"
     mask = f"<{MEMBERS} x i1> <" + ", ".join(f"i1 {int(k < size)}" for k in range(MEMBERS)) + ">"
-    align = 1
     if what == "load":
-        return f"call {vector} {name}(ptr {place}_p, i32 {align}, {mask}, {vector} poison)"
-    return f"call void {name}({vector} {value}, ptr {place}_p, i32 {align}, {mask})"
+        return f"call {vector} {name}(ptr {place}_p, i32 1, {mask}, {vector} poison)"
+    return f"call void {name}({vector} {value}, ptr {place}_p, i32 1, {mask})"
 
 
 def _transposed(rows: Sequence[str], name: str, kind: str) -> Generator[str, None, list[str]]:
