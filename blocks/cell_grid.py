@@ -40,6 +40,7 @@ def look_around(x: NDArray, reach: float, grid: NDArray, searched: NDArray) -> f
         return reach
     if searched[0, REACH] >= reach and have_stayed(x, searched):
         return searched[0, REACH]
+    searched[0, REACH] = 0.0  # nothing is listed where a search comes to no end
     sort_into_cells(x, (1.0 + SKIN) * reach, grid)
     for i in range(robots):
         list_later(i, x, (1.0 + SKIN) * reach, grid)

@@ -23,7 +23,7 @@ def host() -> tuple[str, str, str]:
     """
     _prepare()
     features = llvm.get_host_cpu_features()
-    wide = ",-prefer-256-bit" if "avx512f" in features else ""
+    wide = ",-prefer-256-bit" if features.get("avx512f") else ""
     return llvm.get_process_triple(), llvm.get_host_cpu_name(), features.flatten() + wide
 
 
