@@ -67,6 +67,7 @@ class Stubborn(Block):
     w = Output()
     t = Output()
     s = Output()
+    o = Output()
 
     def outputs_loop(x, y):
         y[0] = x
@@ -80,6 +81,9 @@ class Stubborn(Block):
 
     def outputs_seldom(x, w):
         w[0] = math.exp(x) if x > 0.0 else x
+
+    def outputs_often(x, o):
+        o[0] = math.exp(-x) * (math.sin(x) if x > 0.0 else x)
 
     def outputs_tangent(x, t):
         t[0] = math.tan(x)
@@ -221,6 +225,7 @@ def test_a_lane_is_an_element_of_vectors(name):
         ("outputs_loop", "it has a loop of many rounds, or of as many as its values say"),
         ("outputs_failing", "it may fail"),
         ("outputs_seldom", "only some members compute exp"),
+        ("outputs_often", "only some members compute sin"),
         ("outputs_tangent", "it calls tan of the C library"),
         ("outputs_sum", "it computes no exp, sin or the like, for which it would pay"),
     ],

@@ -16,8 +16,8 @@ EXACT = frozenset(_EXACT.split())
 _NAMES = {"minnum": "fmin", "maxnum": "fmax"}
 #: Whose last bits are the C library's.
 _LIBRARY = (
-    "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp exp2 expm1 log log2 log10 log1p "
-    "cbrt erf erfc tgamma lgamma atan2 pow hypot fmod ldexp"
+    "tan asin acos atan sinh cosh asinh acosh atanh exp2 expm1 log2 log10 log1p cbrt erf erfc tgamma lgamma hypot fmod "
+    "ldexp"
 )
 LIBRARY = frozenset(_LIBRARY.split())
 _APART = {"frexp": "int", "modf": "double"}  # exact, and the type of what they leave at an address
