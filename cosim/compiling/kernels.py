@@ -66,6 +66,19 @@ class Kernels:
         found = {m.key: m for m in (*self.modules.values(), self.loop) if m is not None}
         return sum(m.compiled_now for m in found.values())
 
+    def address(self, component: str, symbol: str) -> int:
+        """Where a function of a component is that is compiled. Raises: KeyError."""
+        if (component, symbol) not in self._addresses:
+            module = self.modules[component]
+            assert module
+            self._addresses[component, symbol] = module.load().address(symbol)
+        return self._addresses[component, symbol]
+
+    @cached_property
+    def _addresses(self) -> dict[tuple[str, str], int]:
+        """Those that a run has asked for: many runs ask for the same."""
+        return {}
+
     def load(self) -> None:
         """Load all of it, where no other thread is loading."""
         for module in (*self.modules.values(), self.loop):

@@ -64,11 +64,10 @@ class Binding:
 
     def _address(self, kernels: Kernels, n: int) -> int:
         call = self._program.calls[n]
-        module = kernels.modules[call.component]
-        if module is not None:
-            foreign = self._program.network.components[call.component].declaration.foreign
-            return module.load().address(foreign.kernel.__name__ if foreign else call.function.name)
-        return self._handed(self._python(n))
+        if kernels.modules[call.component] is None:
+            return self._handed(self._python(n))
+        foreign = self._program.network.components[call.component].declaration.foreign
+        return kernels.address(call.component, foreign.kernel.__name__ if foreign else call.function.name)
 
     def _handed(self, python: Callable[[float], int]) -> int:
         """By what the loop calls a Python function of a time (s)."""

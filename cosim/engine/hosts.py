@@ -2,7 +2,7 @@
 
 =====================  =========================================================================
 this process           all of it, where nothing is foreign, or where there is no fork; compiled, the loop has a
-                       thread of its own there
+                       thread of its own there, if the thread that wants it is not minded anyway
 the engine's process   the loop, and foreign blocks that are called by address
 servers                isolated foreign blocks, which the loop calls through shared memory
 =====================  =========================================================================
@@ -22,6 +22,7 @@ from cosim.authoring.foreign import Part
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError
+from cosim.machine.minded_threads import this_thread
 from cosim.machine.supervision import Crew, Ended, Patience, never
 from cosim.machine.worker import Abandoned, Worker
 from cosim.master import tables
@@ -61,12 +62,17 @@ class Here:
         """
         if self._worker is None:
             return self._loop[command]()
+        if minded := this_thread():
+            return minded.call(self._loop[command], self._patience, self._silent)
         self._patience.renew()
         try:
             return self._worker.do(self._loop[command], self._patience, self._watch.stop, wanted)
         except Abandoned:
-            how = f"no sign of life for {self._patience.limit:g} s"
-            raise self._watch.silent(how) from None
+            raise self._silent() from None
+
+    def _silent(self) -> CosimError:
+        """Why a compiled function that does not return ends the run."""
+        return self._watch.silent(f"no sign of life for {self._patience.limit:g} s")
 
     def failure(self, component: str, time: float) -> CosimError:
         """Why a call of a foreign block failed at a time (s)."""

@@ -23,7 +23,7 @@ def identity(network: Network, program: Program, kernels: Kernels, engine: str) 
     shared = run_key.structure(replace(network, diagram=waiting), program, kernels)
     triple, processor, features = object_code.host()
     return {
-        "key": run_key.key(shared, network, program),
+        "key": run_key.key(shared, program, run_key.all_values(network)),
         "diagram": network.diagram.resolved(),
         "code": run_key.code(network, kernels),
         "software": {

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
 from functools import cache
@@ -32,7 +32,7 @@ from cosim.language.keys import INTEGRATION
 from cosim.language.source import Node
 from cosim.machine.content import content_digest
 from cosim.wiring import conditions
-from cosim.wiring.network import Component, Network
+from cosim.wiring.network import Component, Network, Signal
 
 IGNORED: dict[type, set[str]] = {
     Program: {"network", "arena"}  # walked beside it; the arena is each member's own
@@ -85,18 +85,30 @@ def code(network: Network, kernels: Kernels) -> dict[str, str]:
     return found
 
 
-def key(shared: bytes, network: Network, program: Program) -> str:
-    """The key of one member: what it shares with others (`structure`), and all its values."""
+def values(network: Network, signals: Iterable[Signal]) -> dict[Signal, bytes]:
+    """The digests of some of a network's values."""
+    found = {}
+    for signal in signals:
+        digest = hashlib.sha256()
+        _feed(digest, [str(signal), network.components[signal.component].values[signal.variable]])
+        found[signal] = digest.digest()
+    return found
+
+
+def all_values(network: Network) -> dict[Signal, bytes]:
+    """The digests of all of a network's values, in one order however they came there."""
+    return values(network, (Signal(c.name, name) for c in network.components.values() for name in c.values))
+
+
+def key(shared: bytes, program: Program, digests: Mapping[Signal, bytes]) -> str:
+    """The key of one member: what it shares with others (`structure`), and the digests of all its values."""
     digest = hashlib.sha256(shared)
     if program.network.diagram.run.integrator in REFERENCES:
         import scipy  # which it imports anyway
 
         digest.update(scipy.__version__.encode())
-    digest.update(program.arena.tobytes())
-    for component in network.components.values():
-        for name, array in component.values.items():
-            digest.update(name.encode())
-            _feed(digest, array)
+    digest.update(program.arena.data)
+    digest.update(b"".join(digests.values()))
     return digest.hexdigest()[:32]
 
 

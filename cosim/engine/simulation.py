@@ -35,7 +35,8 @@ _TOLD = {
     "early": tables.EARLY,
     "tangent": tables.TANGENT,
 }
-BATCH_SECONDS = 0.04
+BATCH_SECONDS, GROWTH = 0.04, 16
+"""How long a batch is to take, and how many times the last one it may be: steps differ in what they cost."""
 LARGEST_BATCH = 1 << 40
 
 
@@ -190,7 +191,7 @@ class Simulation:
                 self.termination = self.ended_by()
                 return
             did = self.done - before
-            size = int(max(1, min(4 * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
+            size = int(max(1, min(GROWTH * size, did * BATCH_SECONDS / max(spent, 1e-6), LARGEST_BATCH)))
 
     def ended_by(self) -> Terminated:
         """Who ended the run."""

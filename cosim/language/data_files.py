@@ -87,8 +87,9 @@ def read(node: Node) -> FromFile:
 
 
 def listed(node: Node) -> Node:
-    """A value of a file as the list that it would be in the diagram; any other as it is."""
-    return _as_node(node.value.array.tolist(), node.position) if isinstance(node.value, FromFile) else node
+    """An array, also one of a file, as the list that it would be in the diagram; any other value as it is."""
+    array = node.value.array if isinstance(node.value, FromFile) else node.value
+    return _as_node(array.tolist(), node.position) if isinstance(array, np.ndarray) else node
 
 
 def _as_node(value: Any, position: Position) -> Node:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, FormulaError, Position, WrongType, WrongValue
@@ -40,7 +40,14 @@ class RequirementEntry:
 
     def place(self, at: int) -> Position:
         """Where a character of the formula stands."""
-        return places.within(self.formula, at)
+        if at not in self._places:
+            self._places[at] = places.within(self.formula, at)
+        return self._places[at]
+
+    @cached_property
+    def _places(self) -> dict[int, Position]:
+        """Those that somebody has asked for: each of a study's many runs does, and they are read from a file."""
+        return {}
 
     def plain(self) -> Any:
         """The entry without places, as YAML has it, with the names of an unfolded diagram."""

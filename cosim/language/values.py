@@ -41,8 +41,8 @@ class Value:
                 fix = f"give every row the shape {parts[0].shape}"
                 raise WrongShape(f"{name}: the rows of the list differ in length", ragged.position, fix)
             return cls(parts, (len(parts), *(parts[0].shape if parts else ())), node.position)
-        if isinstance(node.value, FromFile):
-            array = node.value.array
+        if isinstance(node.value, FromFile | np.ndarray):
+            array = node.value.array if isinstance(node.value, FromFile) else node.value
             return cls(array if array.ndim else array.item(), array.shape, node.position)
         if isinstance(node.value, dict) or node.value is None:
             kind = "a mapping" if isinstance(node.value, dict) else "nothing"

@@ -115,12 +115,7 @@ class Evaluator:
         return [{**row, **{part: from_json(row[part]) for part in NUMBERS if part in row}} for row in found]
 
     def _keep(self, key: str, future: Future[Row]) -> None:
-        try:
-            row = future.result()
-        except CosimError:
-            raise
-        except Exception as error:  # noqa: BLE001  # a lost worker does not end the search
-            row = member_run.lost(f"{type(error).__name__}: {error}")
+        row = executors.row(future)
         if row["status"] == "interrupted":
             raise KeyboardInterrupt
         self._store.append({"key": key, **row})

@@ -22,7 +22,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from cosim.errors import ClusterError
+from cosim.errors import BlockFailed, ClusterError, CosimError
 from cosim.machine import interruption, parallel
 from cosim.study import member_run, study_file
 from cosim.study.definition import Study
@@ -104,6 +104,21 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         count = sum(client.nthreads().values())
         with parallel.ending(client.get_executor(pure=False, retries=RETRIES)) as executor:
             yield executor, max(count, 1)
+
+
+def row(future: Future[Row]) -> Row:
+    """The row of a finished job; what nobody foresaw, such as workers that keep dying, is that member's failure.
+
+    Raises: what is no member's own, such as ResultError.
+    """
+    try:
+        return future.result()
+    except BlockFailed as error:  # native code that does not return
+        return member_run.lost(error.message)
+    except CosimError:
+        raise
+    except Exception as error:  # noqa: BLE001  # a lost member does not end the rest
+        return member_run.lost(f"{type(error).__name__}: {error}")
 
 
 def finished(

@@ -248,23 +248,12 @@ def _collect(
 def _keep(results: Results, options: Options, job: Job, future: Future[Row]) -> None:
     """Keep the row of a finished job. Raises: KeyboardInterrupt if it was interrupted, ResultError."""
     assert results.store is not None
-    row = _row(job, future)
+    row = {"key": job.key, **identity(job.member), **executors.row(future)}
     if row["status"] == "interrupted":
         raise KeyboardInterrupt
     results.store.append(row)
     results.ran += 1
     options.watch(results.reused + results.ran + len(results.refused), results.total)
-
-
-def _row(job: Job, future: Future[Row]) -> Row:
-    """The row of a finished job. What nobody foresaw, such as workers that keep dying, is that member's failure."""
-    try:
-        row = future.result()
-    except CosimError:
-        raise
-    except Exception as error:  # noqa: BLE001  # a lost member does not end the study
-        row = member_run.lost(f"{type(error).__name__}: {error}")
-    return {"key": job.key, **identity(job.member), **row}
 
 
 def _jobs(results: Results, folder: Path | None) -> Iterator[Job]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -61,17 +62,21 @@ class Address:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A member ready to run; the program is its own, the kernels are everybody's. shared: as of `key.structure`."""
+    """A member ready to run; the program is its own, the kernels are everybody's.
+
+    shared: as of `run_key.structure`; digests: of all its values.
+    """
 
     network: Network
     program: Program
     kernels: Kernels
     shared: bytes
+    digests: Mapping[Signal, bytes]
 
     @property
     def key(self) -> str:
         """What its result depends on, as a digest."""
-        return run_key.key(self.shared, self.network, self.program)
+        return run_key.key(self.shared, self.program, self.digests)
 
 
 class Template:
@@ -83,6 +88,7 @@ class Template:
         self.kernels = compilation.compile_program(self.program)
         self.kernels.load()
         self.shared = run_key.structure(network, self.program, self.kernels)
+        self._digests = run_key.all_values(network)
 
     def prepared(self, settings: Settings, positions: dict[str, Position]) -> Prepared:
         """With other values, of the shapes that the template was wired with. Raises: DiagramErrors, ExpressionError."""
@@ -91,11 +97,12 @@ class Template:
             address = address_of(self.network, path)
             if address:
                 before = contents.get(address.signal) or _written(self.network, address)
-                new = as_node(value, positions[path])
+                new = _as_content(value, positions[path])
                 contents[address.signal] = _with_element(before, address.indices, new) if address.indices else new
         values = {signal: Value.read(node, str(signal)) for signal, node in contents.items()}
         network = revalue(self.network, values)
-        return Prepared(network, self.program.revalued(network, values), self.kernels, self.shared)
+        digests = {**self._digests, **run_key.values(network, values)}
+        return Prepared(network, self.program.revalued(network, values), self.kernels, self.shared, digests)
 
 
 class Variants:
@@ -317,7 +324,8 @@ class _Beginnings:
         simulation = self._simulations[key]
         simulation.arena[:] = prepared.program.arena
         simulation.initialize()
-        simulation.close()
+        if prepared.network.has_foreign:
+            simulation.close()
         return simulation
 
 
@@ -372,6 +380,21 @@ def as_node(value: Any, position: Position) -> Node:
     return Node(value, position)
 
 
+def _as_content(value: Any, position: Position) -> Node:
+    """The same; a list of real numbers alone is kept as one array, which is read much faster than a node for each."""
+    numbers = None if not isinstance(value, list) or not _is_real(value) else np.array(value)
+    return as_node(value, position) if numbers is None else Node(numbers, position)
+
+
+def _is_real(value: Any) -> bool:
+    """Whether a value is a real number, or nested lists of such that are an array."""
+    if not isinstance(value, list):
+        return type(value) is float and not math.isnan(value)
+    if not value or not all(map(_is_real, value)):
+        return False
+    return len({_shape(item) for item in value}) == 1
+
+
 def _written(network: Network, address: Address) -> Node:
     """What the diagram says of a value, or else the block's default."""
     component, name = network.components[address.signal.component], address.signal.variable
@@ -385,7 +408,7 @@ def _written(network: Network, address: Address) -> Node:
 def _with_element(node: Node, indices: tuple[int, ...], new: Node) -> Node:
     if not indices:
         return new
-    items = list(node.value)
+    items = list(listed(node).value)
     items[indices[0]] = _with_element(items[indices[0]], indices[1:], new)
     return Node(items, node.position)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import reprlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,16 +31,32 @@ class Source:
     members: int = 1
 
 
-def check(components: dict[str, Component], names: Iterable[str], problems: Problems) -> None:
+def check(
+    components: dict[str, Component],
+    names: Iterable[str],
+    problems: Problems,
+    changed: Container[Signal] | None = None,
+) -> None:
     """Judge the rules of the named components, those that see only what is known, where other mistakes hide some of it.
 
-    Every RuleViolation, and the DeclarationError of a rule that is broken itself, goes to `problems`.
+    changed: what alone has changed since they were judged; None where they never were. Every RuleViolation, and the
+    DeclarationError of a rule that is broken itself, goes to `problems`.
     """
     for name in names:
         component = components[name]
         for rule in component.declaration.rules:
-            if not rule.warning and _can_judge(components, component, rule):
+            if rule.warning or (changed is not None and not _sees(component, rule, changed)):
+                continue
+            if _can_judge(components, component, rule):
                 problems.attempt(_enforce, components, component, rule)
+
+
+def _sees(component: Component, rule: Rule, changed: Container[Signal]) -> bool:
+    """Whether a rule may see something of what has changed; through an input it sees other blocks."""
+    variables = component.declaration.variables
+    return any(
+        Signal(component.name, name) in changed or isinstance(variables.get(name), Input) for name in rule.arguments
+    )
 
 
 def _enforce(components: dict[str, Component], component: Component, rule: Rule) -> None:

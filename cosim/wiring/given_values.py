@@ -141,6 +141,8 @@ def _members(variable: Variable, value: Value, count: int, shape: tuple[int, ...
     per_member = len(value.shape) == len(shape) + 1
     if not per_member and (variable.dtype.hasobject or not value.uses("i")):
         return None
+    if per_member and isinstance(value.content, np.ndarray) and value.content.dtype == variable.dtype == np.float64:
+        return np.broadcast_to(value.content, (count, *shape)).copy()
     array = np.empty((count, *shape), variable.dtype)
     for k in range(count):
         row = value.member(k) if per_member else value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -253,6 +253,12 @@ class Network:
         jumps = [jump for coupling in couplings for jump in coupling.jumps]
         clocks = [*(component.clock for component in several), *jumps, *self.stops]
         return schedule(run.step, clocks, self.smallest_step)
+
+    def revalued(self, components: dict[str, Component]) -> Network:
+        """The same network with other values, on which no time depends."""
+        new = replace(self, components=components)
+        vars(new)["schedule"] = self.schedule
+        return new
 
     @property
     def smallest_step(self) -> float | None:

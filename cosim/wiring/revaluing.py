@@ -30,10 +30,11 @@ def revalue(network: Network, values: Mapping[Signal, Value]) -> Network:
         problems.add(repeated)
     problems.raise_if_any()
     parametrised = {s.component for s in values if isinstance(network.variable(s), Parameter)}
-    seen = _after(components, parametrised)
-    conditions.check(components, [name for name in components if name in changed or name in seen], problems)
+    seen = _after(components, parametrised) if parametrised else set()
+    names = [name for name in components if name in changed or name in seen]
+    conditions.check(components, names, problems, values)
     problems.raise_if_any()
-    return replace(network, components=components)
+    return network.revalued(components)
 
 
 def _after(components: Mapping[str, Component], names: set[str]) -> set[str]:

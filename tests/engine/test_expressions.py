@@ -171,7 +171,7 @@ def test_two_blocks_of_one_expression_share_their_code(tmp_path):
 def key(network):
     built = program.build(network, network.diagram.run.method)
     kernels = compilation.compile_program(built)
-    return run_key.key(run_key.structure(network, built, kernels), network, built)
+    return run_key.key(run_key.structure(network, built, kernels), built, run_key.all_values(network))
 
 
 def test_the_key_of_a_run_tells_expressions_apart_by_what_they_compute(tmp_path):

@@ -169,12 +169,12 @@ def test_values_and_the_arena_are_each_members_own(study):
     table, network = copy.copy(made.program), made.network
     table.arena = table.arena.copy()
     table.arena[-1] ^= 1
-    assert keys.key(made.shared, network, table) != made.key
+    assert keys.key(made.shared, table, made.digests) != made.key
     component = network.components["swing"]
     found = {made.key}
     for text in ("a", "b"):  # such as an FMU may have, and which is in no arena
         component.values = {**component.values, "text": np.array([text], object)}
-        found.add(keys.key(made.shared, network, made.program))
+        found.add(keys.key(made.shared, made.program, keys.all_values(network)))
     assert len(found) == 3
 
 
