@@ -23,8 +23,9 @@ from cosim.search.evaluator import Evaluator
 from cosim.search.fitting import FitRun, Fitted
 from cosim.search.measurements import Measurements
 from cosim.study import executors
+from cosim.study.addresses import value_at
 from cosim.study.definition import Fit, Study
-from cosim.study.variants import Variants, value_at
+from cosim.study.variants import Variants
 
 UNLIKELY = 1e-3
 """How likely residuals as large have to be, with the deviations that are said, for a model to explain the data."""

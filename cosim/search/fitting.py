@@ -19,9 +19,10 @@ from cosim.search.estimates import Estimates
 from cosim.search.evaluator import Evaluator
 from cosim.search.finer import finer
 from cosim.search.measurements import Measurements
+from cosim.study.addresses import value_at
 from cosim.study.definition import Fit
 from cosim.study.member_run import Row
-from cosim.study.variants import Settings, value_at
+from cosim.study.variants import Settings
 
 DIFFERENCE = 1e-4
 """Of the distance of the bounds: between it and a hundredth of its square, errors of central differences are small."""

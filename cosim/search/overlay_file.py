@@ -10,7 +10,8 @@ from typing import Any
 from cosim.errors import ResultError
 from cosim.language import source
 from cosim.machine import files
-from cosim.study.variants import Settings, Variants, address_of
+from cosim.study.addresses import address_of
+from cosim.study.variants import Settings, Variants
 from cosim.wiring.network import Network
 
 MARK = "# Written by cosim: "

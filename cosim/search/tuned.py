@@ -15,9 +15,10 @@ from cosim.search import overlay_file
 from cosim.search.evaluator import Evaluator
 from cosim.search.tuning import Candidate, TuningRun
 from cosim.search.worth import figures, objective
+from cosim.study.addresses import value_at
 from cosim.study.definition import Study, Tuning
 from cosim.study.member_run import Row
-from cosim.study.variants import Settings, value_at
+from cosim.study.variants import Settings
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,10 @@ from cosim.search import descent
 from cosim.search.evaluator import Evaluator
 from cosim.search.finer import finer
 from cosim.search.worth import HEAVY, LOST, Worth, Yardstick, changed_by, objective
+from cosim.study.addresses import value_at
 from cosim.study.definition import Tuning
 from cosim.study.member_run import Row
-from cosim.study.variants import Settings, value_at
+from cosim.study.variants import Settings
 
 SPREAD = 0.2
 GENERATIONS = 1000

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from cosim.authoring.variables import Input, Parameter, State, Variable
 from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program, run_key
 from cosim.engine.program import Program
@@ -34,30 +32,21 @@ from cosim.errors import (
     nearest,
 )
 from cosim.language import diagram, overlay
-from cosim.language.data_files import listed
-from cosim.language.keys import ADDS, BLOCK
-from cosim.language.reader import is_constant
+from cosim.language.keys import ADDS
 from cosim.language.source import Node
 from cosim.language.values import Value
 from cosim.machine import importing
 from cosim.study import consistency, plan
+from cosim.study.addresses import address_of, is_value, with_element, written
 from cosim.study.definition import Draw, Random, Study, Variant
 from cosim.study.draws import Draws
+from cosim.study.plain_values import as_content, as_node, names_member, shape_of
 from cosim.study.plan import Member
 from cosim.wiring import library, resolution
 from cosim.wiring.network import Network, Signal
 from cosim.wiring.revaluing import revalue
 
 Settings = tuple[tuple[str, Any], ...]
-
-
-@dataclass(frozen=True)
-class Address:
-    """Where a dotted path leads: a parameter, start value or constant, or one element of it (indices from 0)."""
-
-    signal: Signal
-    section: str
-    indices: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -96,9 +85,9 @@ class Template:
         for path, value in settings:
             address = address_of(self.network, path)
             if address:
-                before = contents.get(address.signal) or _written(self.network, address)
-                new = _as_content(value, positions[path])
-                contents[address.signal] = _with_element(before, address.indices, new) if address.indices else new
+                before = contents.get(address.signal) or written(self.network, address)
+                new = as_content(value, positions[path])
+                contents[address.signal] = with_element(before, address.indices, new)
         values = {signal: Value.read(node, str(signal)) for signal, node in contents.items()}
         network = revalue(self.network, values)
         digests = {**self._digests, **run_key.values(network, values)}
@@ -192,9 +181,9 @@ class Variants:
     def prepared(self, member: Member) -> Prepared:
         """A member's program. Raises: DiagramErrors, KernelError."""
         base = self.base(member.variant)
-        values = tuple((path, value) for path, value in member.settings if _is_value(base, path, value))
+        values = tuple((path, value) for path, value in member.settings if is_value(base, path, value))
         structure = [pair for pair in member.settings if pair not in values]
-        kinds = [(path, str(_shape(value)), _names_member(value)) for path, value in values]
+        kinds = [(path, str(shape_of(value)), names_member(value)) for path, value in values]
         kind = json.dumps([member.variant, structure, kinds])
         with importing.LOADING:
             if kind not in self._templates:
@@ -274,7 +263,7 @@ class Variants:
         address = address_of(network, path)
         shape: tuple[int, ...] = ()
         if address:
-            node = _written(network, address)
+            node = written(network, address)
             for index in address.indices:
                 if not isinstance(node.value, list) or index >= len(node.value):
                     message = f"`{path}`: there is no element {index}"
@@ -327,96 +316,3 @@ class _Beginnings:
         if prepared.network.has_foreign:
             simulation.close()
         return simulation
-
-
-def address_of(network: Network, path: str) -> Address | None:
-    """The parameter, start value or constant that a dotted path names; None for anything else, which is structure."""
-    parts = path.split(".")
-    component = network.components.get(parts[1]) if len(parts) > 2 and parts[0] == "blocks" else None
-    if component is None:
-        return None
-    if parts[2] not in BLOCK:  # short for one of these sections, as of `overlay.set_value`
-        parts.insert(2, "start" if parts[2] in component.entry.start else "parameters")
-    kinds: dict[str, tuple[type[Variable], ...]] = {
-        "parameters": (Parameter,),
-        "start": (State, Input),
-        "inputs": (Input,),
-    }
-    if parts[2] not in kinds:
-        return None
-    for end in range(len(parts), 3, -1):
-        name, rest = ".".join(parts[3:end]), parts[end:]
-        variable = component.declaration.variables.get(name)
-        known = isinstance(variable, kinds[parts[2]]) and not variable.structural
-        if parts[2] == "inputs" and name not in component.entry.constants:
-            continue
-        if known and name not in component.wires and all(part.isdecimal() for part in rest):
-            return Address(Signal(parts[1], name), parts[2], tuple(map(int, rest)))
-    return None
-
-
-def value_at(network: Network, path: str) -> Any:
-    """The number that a dotted path names, or nested lists of such, as the network has it. Raises: UnknownSetting."""
-    address = address_of(network, path)
-    if address is None:
-        raise UnknownSetting(f"`{path}` names no value", None, "such as blocks.plant.parameters.mass")
-    values = network.components[address.signal.component].values[address.signal.variable]
-    found = values[0] if len(values) == 1 else values
-    for index in address.indices:
-        found = found[index]
-    return np.asarray(found).tolist()
-
-
-def _is_value(network: Network, path: str, value: Any) -> bool:
-    """Whether what a member sets is a value, and not structure such as a wire in a constant's place."""
-    address = address_of(network, path)
-    return address is not None and (address.section != "inputs" or is_constant(as_node(value, Position(""))))
-
-
-def as_node(value: Any, position: Position) -> Node:
-    """A plain value as a node, all of it at one place."""
-    if isinstance(value, list | tuple):
-        return Node([as_node(item, position) for item in value], position)
-    return Node(value, position)
-
-
-def _as_content(value: Any, position: Position) -> Node:
-    """The same; a list of real numbers alone is kept as one array, which is read much faster than a node for each."""
-    numbers = None if not isinstance(value, list) or not _is_real(value) else np.array(value)
-    return as_node(value, position) if numbers is None else Node(numbers, position)
-
-
-def _is_real(value: Any) -> bool:
-    """Whether a value is a real number, or nested lists of such that are an array."""
-    if not isinstance(value, list):
-        return type(value) is float and not math.isnan(value)
-    if not value or not all(map(_is_real, value)):
-        return False
-    return len({_shape(item) for item in value}) == 1
-
-
-def _written(network: Network, address: Address) -> Node:
-    """What the diagram says of a value, or else the block's default."""
-    component, name = network.components[address.signal.component], address.signal.variable
-    entries: Mapping[str, Node] = getattr(component.entry, address.section)
-    if name in entries:
-        return listed(entries[name])
-    default = component.declaration.variables[name].start
-    return as_node(np.asarray(default).tolist() if np.ndim(default) else default, component.entry.position)
-
-
-def _with_element(node: Node, indices: tuple[int, ...], new: Node) -> Node:
-    if not indices:
-        return new
-    items = list(listed(node).value)
-    items[indices[0]] = _with_element(items[indices[0]], indices[1:], new)
-    return Node(items, node.position)
-
-
-def _shape(value: Any) -> tuple[int, ...]:
-    return (len(value), *(_shape(value[0]) if value else ())) if isinstance(value, list | tuple) else ()
-
-
-def _names_member(value: Any) -> bool:
-    """Whether a value contains text, which may be an expression in the member's number."""
-    return any(map(_names_member, value)) if isinstance(value, list | tuple) else isinstance(value, str)

@@ -125,8 +125,8 @@ def test_members_of_a_study_that_never_end_are_lost_alone(tmp_path):
     (tmp_path / "own.yaml").write_text(DIAGRAM + METRIC)
     (tmp_path / "grid.yaml").write_text(GRID)
     done = cosim(tmp_path, "study", "grid.yaml", "--json")
-    assert done.returncode == 0 and json.loads(done.stdout)["statuses"] == {"completed": 2, "failed": 1}
-    assert "block bad: no sign of life for 0.3 s in derivatives() at t = 0.02 s" in done.stdout
+    assert done.returncode == 0 and json.loads(done.stdout)["counts"] == {"completed": 2, "failed": 1}
+    assert "block bad: no sign of life for 0.3 s in derivatives() at t = 0.03 s" in done.stdout
 
 
 def test_a_search_takes_a_run_that_never_ends_for_a_violation(tmp_path):
