@@ -25,8 +25,10 @@ class Operators:
     def __init__(self, native: bool, times: Array) -> None:
         self._kernel: Callable[[str], Kernel] = _native if native else _interpreted
         self._times = np.ascontiguousarray(times, np.float64)
+        self._address = self._times.ctypes.data
         steps = self._times[1:] - self._times[:-1]
         self._even = len(steps) > 0 and bool(np.max(steps) - np.min(steps) <= EVEN * steps[0])
+        self._window = cache(self._window_of)  # the same of all that a formula compares
 
     def lowest(self, course: Array, start: float, stop: float) -> Array:
         """The lowest within [start, stop] (s) from each sample on; infinite where there is no sample."""
@@ -50,26 +52,30 @@ class Operators:
     def _call(
         self, name: str, left: Array, right: Array, start: float, stop: float, without_end: bool = False
     ) -> Array:
-        left, right = np.ascontiguousarray(left, np.float64), np.ascontiguousarray(right, np.float64)
-        times, size = self._times, left.shape[-1]
-        result, work = np.empty_like(left), np.empty(size + 1, np.int64)
-        frame = np.zeros(extrema.FRAME_WORDS, np.int64)
-        frame[extrema.COLUMNS : extrema.START] = (
+        same = right is left
+        left = np.ascontiguousarray(left, np.float64)
+        right = left if same else np.ascontiguousarray(right, np.float64)
+        size, behind = left.shape[-1], extrema.FRAME_WORDS + left.size
+        words = np.empty(behind + size + 1)  # the frame, what comes out, and room to work in
+        at, read = words.ctypes.data, left.ctypes.data  # each of which takes a while
+        frame = words[: extrema.FRAME_WORDS]
+        frame[:] = 0.0
+        frame[extrema.START : extrema.STOP + 1] = start, stop
+        frame.view(np.int64)[extrema.COLUMNS : extrema.START] = (
             left.size // size,
             size,
-            times.ctypes.data,
-            left.ctypes.data,
-            right.ctypes.data,
-            result.ctypes.data,
-            work.ctypes.data,
+            self._address,
+            read,
+            read if right is left else right.ctypes.data,
+            at + 8 * extrema.FRAME_WORDS,
+            at + 8 * behind,
             without_end,
             *self._window(size, start, stop, without_end),
         )
-        frame.view(np.float64)[extrema.START : extrema.STOP + 1] = start, stop
-        self._kernel(name)(0.0, 0, frame.ctypes.data)
-        return result
+        self._kernel(name)(0.0, 0, at)
+        return words[extrema.FRAME_WORDS : behind].reshape(left.shape)
 
-    def _window(self, size: int, start: float, stop: float, without_end: bool) -> tuple[int, int]:
+    def _window_of(self, size: int, start: float, stop: float, without_end: bool) -> tuple[int, int]:
         """A window's first sample from now on, and how many it has, if that is the same from all samples on; else 0."""
         if not self._even or stop <= 0.0 or math.isinf(stop):
             return 0, 0
