@@ -55,13 +55,13 @@ class Robustness:
 
 
 class Monitor:
-    """A requirement's judge. native: whether compiled code does what is dear.
+    """A requirement's judge.
 
     Raises: FormulaError, WrongUnit, and what the scope's `look` raises.
     """
 
-    def __init__(self, condition: Condition, scope: Scope, native: bool = True) -> None:
-        self._scope, self._native = scope, native
+    def __init__(self, condition: Condition, scope: Scope) -> None:
+        self._scope = scope
         named = list(mentions(condition))
         if not named:
             raise scope.refused("the formula names no signal", 0, "write block.port, such as plant.x")
@@ -135,7 +135,7 @@ class Monitor:
                 return Extreme(margin(operand, self._scope), every, start, stop)
         margins = {part: margin(part, self._scope) for part in _instants(condition)}
         at = condition.at if isinstance(condition, Temporal | Until) else 0
-        return Deferred(condition, self._of_all(list(margins.values()), at), margins, self._native)
+        return Deferred(condition, self._of_all(list(margins.values()), at), margins, self._scope.native)
 
     def _of_all(self, margins: list[Quantity], at: int) -> Quantity:
         """The shape and the unit of several margins together. Raises: FormulaError for shapes that do not fit."""

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
-from collections.abc import Callable
 from functools import cache
-from threading import Lock
 
 import numpy as np
 
 from cosim.requirements import extrema
 from cosim.requirements.terms import Array
+from cosim.requirements.two_engines import Kernel, kernel
 
-Kernel = Callable[[float, int, int], int]
 EVEN = 1e-6
 """The part of a step by which steps may differ and are the same."""
-_PROTOTYPE = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_int64, ctypes.c_int64)
 
 
 class Operators:
     """Operators on courses (*shape, k) over the first k of all times in s. native: whether by compiled code."""
 
     def __init__(self, native: bool, times: Array) -> None:
-        self._kernel: Callable[[str], Kernel] = _native if native else _interpreted
+        self._native = native
         self._times = np.ascontiguousarray(times, np.float64)
         self._address = self._times.ctypes.data
         steps = self._times[1:] - self._times[:-1]
@@ -35,11 +31,11 @@ class Operators:
         times = self._times[: course.shape[-1]]
         if start == 0.0 and stop >= times[-1] - times[0]:
             return np.minimum.accumulate(course[..., ::-1], axis=-1)[..., ::-1]
-        return self._call("lowest", course, course, start, stop)
+        return self._call(extrema.lowest, course, course, start, stop)
 
     def before(self, course: Array, stop: float) -> Array:
         """The lowest within [0, stop) (s) from each sample on; infinite where there is no sample."""
-        return self._call("lowest", course, course, 0.0, stop, without_end=True)
+        return self._call(extrema.lowest, course, course, 0.0, stop, without_end=True)
 
     def highest(self, course: Array, start: float, stop: float) -> Array:
         """As `lowest`, the highest."""
@@ -47,10 +43,10 @@ class Operators:
 
     def until(self, left: Array, right: Array) -> Array:
         """From each sample on: the highest, over later samples, of `right` there and the lowest `left` before it."""
-        return self._call("until", left, right, 0.0, 0.0)
+        return self._call(extrema.until, left, right, 0.0, 0.0)
 
     def _call(
-        self, name: str, left: Array, right: Array, start: float, stop: float, without_end: bool = False
+        self, function: Kernel, left: Array, right: Array, start: float, stop: float, without_end: bool = False
     ) -> Array:
         same = right is left
         left = np.ascontiguousarray(left, np.float64)
@@ -72,7 +68,7 @@ class Operators:
             without_end,
             *self._window(size, start, stop, without_end),
         )
-        self._kernel(name)(0.0, 0, at)
+        kernel(function, self._native)(0.0, 0, at)
         return words[extrema.FRAME_WORDS : behind].reshape(left.shape)
 
     def _window_of(self, size: int, start: float, stop: float, without_end: bool) -> tuple[int, int]:
@@ -91,24 +87,3 @@ class Operators:
         near = -extrema.NEAR if without_end else extrema.NEAR
         first = int(times.searchsorted((now + start) * (1.0 - extrema.NEAR), "left"))
         return first - at, int(times.searchsorted((now + stop) * (1.0 + near), "right")) - at
-
-
-def _interpreted(name: str) -> Kernel:
-    kernel: Kernel = getattr(extrema, name)
-    return kernel
-
-
-def _native(name: str) -> Kernel:
-    with _loading:  # runs of a study share a process
-        return _loaded()[name]
-
-
-_loading = Lock()
-
-
-@cache
-def _loaded() -> dict[str, Kernel]:
-    from cosim.compiling import kernels
-
-    library = kernels.raw_module("requirements", (extrema.lowest, extrema.until)).load()
-    return {name: _PROTOTYPE(library.address(name)) for name in ("lowest", "until")}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,10 @@ from cosim.language import units
 from cosim.language.formula import Place
 from cosim.language.formula_tree import Mention, Number, Operation, Term
 from cosim.language.units import BaseUnit
+from cosim.requirements.folds import LARGEST, LENGTH, SMALLEST, TOTAL, fold, folded
+from cosim.requirements.two_engines import kernel
 
 Array = np.ndarray[Any, Any]
-FEW = 32
-"""Elements up to which one after the other is faster than along an axis."""
-SMALL = 1e-280
-"""A sum of squares below it has lost digits, or beyond its inverse is close to no number."""
 Samples = Mapping[Hashable, Array]
 """The samples (k, *shape) of signals."""
 
@@ -62,10 +60,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Scope:
-    """What a formula's terms are read by."""
+    """What a formula's terms are read by. native: whether compiled code does what is dear."""
 
     look: Look
     place: Place
+    native: bool = True
 
     def refused(self, message: str, at: int, fix: str = "") -> FormulaError:
         """The error of a part of the formula."""
@@ -80,6 +79,8 @@ def quantity(term: Term, scope: Scope) -> Quantity:
             return Quantity((), (), None, "", lambda samples: number, True)
         case Mention():
             return signal(term, scope)
+        case Operation(name, [argument], _) if name in _OVERALL:
+            return _overall(name, argument, scope)
         case Operation(name, arguments, at):
             parts = [quantity(argument, scope) for argument in arguments]
             if name in ("max", "min") and len(parts) > 1:
@@ -87,7 +88,7 @@ def quantity(term: Term, scope: Scope) -> Quantity:
                 return reduce(lambda a, b: joined(name, pick, a, b, scope, at), parts)
             if name in _BINARY:
                 return joined(name, _BINARY[name], parts[0], parts[1], scope, at)
-            return _overall(name, parts[0]) if name in _OVERALL else _elementwise(name, parts[0], scope, at)
+            return _elementwise(name, parts[0], scope, at)
     raise AssertionError(term)
 
 
@@ -188,53 +189,22 @@ def _elementwise(name: str, a: Quantity, scope: Scope, at: int) -> Quantity:
     return Quantity(a.shape, a.fleets, unit, label, lambda samples: function(of(samples)), a.constant)
 
 
-def _overall(name: str, a: Quantity) -> Quantity:
+def _overall(name: str, argument: Term, scope: Scope) -> Quantity:
     """All elements as one number; `norm`: those of each member."""
-    members = name == "norm" and len(a.shape) > 0 and a.fleets[0] is not None
+    whole = quantity(argument, scope)
+    members = name == "norm" and len(whole.shape) > 0 and whole.fleets[0] is not None
     left = 1 if members else 0
-    axes, function, of = tuple(range(1 + left, 1 + len(a.shape))), _OVERALL[name], a.of
-    if not axes:
-        return a if name != "norm" else replace(a, of=lambda samples: np.abs(of(samples)))
-    return Quantity(a.shape[:left], a.fleets[:left], a.unit, a.label, lambda samples: function(of(samples), axes))
+    if len(whole.shape) == left:
+        return whole if name != "norm" else replace(whole, of=lambda samples: np.abs(whole.of(samples)))
+    sizes = name in ("max", "min") and isinstance(argument, Operation) and argument.name == "abs"
+    of = quantity(argument.arguments[0], scope).of if sizes and isinstance(argument, Operation) else whole.of
+    function, kind, count = kernel(fold, scope.native), _OVERALL[name], math.prod(whole.shape[left:])
 
+    def overall(samples: Samples) -> Array:
+        found = folded(function, kind, of(samples), left, sizes)
+        return found / count if name == "mean" else found
 
-def _reduced(pick: np.ufunc, samples: Array, axes: tuple[int, ...]) -> Array:
-    """The last axes as one number; few elements one after the other: along a short axis numpy takes ten times as long.
-
-    Which way depends on the shape of a sample alone, so that sums have the same bits in batches of any size.
-    """
-    flat = samples.reshape(*samples.shape[: samples.ndim - len(axes)], -1)
-    if flat.shape[-1] > FEW:
-        whole: Array = pick.reduce(flat, axis=-1)
-        return whole
-    found = np.array(flat[..., 0])
-    for k in range(1, flat.shape[-1]):
-        pick(found, flat[..., k], out=found)
-    return found
-
-
-def _mean(samples: Array, axes: tuple[int, ...]) -> Array:
-    mean: Array = _reduced(np.add, samples, axes) / math.prod(samples.shape[axes[0] :])
-    return mean
-
-
-def _norm(samples: Array, axes: tuple[int, ...]) -> Array:
-    """The Euclidean length, of numbers of any size: where squares would leave their range, those of scaled numbers."""
-    squares = _reduced(np.add, np.square(samples), axes)
-    length = np.atleast_1d(np.sqrt(squares))
-    odd = np.atleast_1d(~((squares > SMALL) & (squares < 1.0 / SMALL)))
-    if odd.any():
-        length[odd] = _scaled_norm(samples[odd])
-    return length
-
-
-def _scaled_norm(samples: Array) -> Array:
-    """As `_norm`, of samples (k, …)."""
-    flat = samples.reshape(len(samples), -1)
-    largest = np.max(np.abs(flat), axis=1)
-    scale = np.where((largest > 0.0) & np.isfinite(largest), largest, 1.0)
-    length: Array = np.sqrt(_reduced(np.add, np.square(flat / scale[:, None]), (1,))) * scale
-    return length
+    return Quantity(whole.shape[:left], whole.fleets[:left], whole.unit, whole.label, overall)
 
 
 _BINARY: dict[str, Any] = {
@@ -256,10 +226,4 @@ _UNARY: dict[str, Any] = {
     "tan": np.tan,
 }
 _OF_ANGLES = ("sin", "cos", "tan")
-_OVERALL: dict[str, Callable[[Array, tuple[int, ...]], Array]] = {
-    "max": partial(_reduced, np.maximum),
-    "min": partial(_reduced, np.minimum),
-    "sum": partial(_reduced, np.add),
-    "mean": _mean,
-    "norm": _norm,
-}
+_OVERALL = {"max": LARGEST, "min": SMALLEST, "sum": TOTAL, "mean": TOTAL, "norm": LENGTH}

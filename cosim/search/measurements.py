@@ -132,7 +132,9 @@ def _unit(measured: Measured, network: Network) -> str:
         return required.seen(network, network.find(text, measured.node.place))
 
     try:
-        found = terms.signal(Mention(measured.signal, measured.index, 0), Scope(look, lambda at: measured.node.place))
+        found = terms.signal(
+            Mention(measured.signal, measured.index, 0), Scope(look, lambda at: measured.node.place, True)
+        )
     except FormulaError as error:
         raise _placed(error, measured) from None
     if found.shape:

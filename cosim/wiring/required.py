@@ -30,7 +30,7 @@ def monitors(network: Network, native: bool = True) -> dict[str, Monitor]:
 
 def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
     """The monitor of one requirement. Raises: FormulaError, UnknownBlock, UnknownPort, WrongUnit, TooLarge."""
-    made = Monitor(entry.condition, scope(network, entry), native)
+    made = Monitor(entry.condition, scope(network, entry, native))
     run = network.diagram.run
     needed, stop = horizon(entry.condition), run.stop
     if needed > stop * (1.0 + BEYOND) and run.nodes["stop"].position.line:  # not shortened from outside
@@ -42,9 +42,9 @@ def monitor(network: Network, entry: RequirementEntry, native: bool) -> Monitor:
     return made
 
 
-def scope(network: Network, entry: RequirementEntry) -> Scope:
-    """What a formula's terms are read by."""
-    return Scope(_look(network, entry), entry.place)
+def scope(network: Network, entry: RequirementEntry, native: bool = True) -> Scope:
+    """What a formula's terms are read by; native: as of `monitors`."""
+    return Scope(_look(network, entry), entry.place, native)
 
 
 def _look(network: Network, entry: RequirementEntry) -> Look:

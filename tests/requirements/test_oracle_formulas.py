@@ -26,7 +26,7 @@ def look(text, position):
 
 
 def monitor(text, native=True):
-    return Monitor(parse(text), Scope(look, nowhere), native)
+    return Monitor(parse(text), Scope(look, nowhere, native))
 
 
 def arrays(found):
@@ -206,7 +206,8 @@ def test_reductions_of_strided_samples_have_the_same_bits_in_any_batches(shape):
 
     def one(text, batches):
         found = Monitor(
-            parse(text), Scope(lambda *_: Seen("m.s", shape, (None,) * len(shape), np.dtype(float), None), nowhere)
+            parse(text),
+            Scope(lambda *_: Seen("m.s", shape, (None,) * len(shape), np.dtype(float), None), nowhere),
         )
         for begin, end in zip([0, *batches], [*batches, 60], strict=True):
             found.update(np.arange(60.0)[begin:end], {"m.s": rows[begin:end, 2 : 2 + size].reshape(-1, *shape)})
@@ -227,7 +228,8 @@ def test_reductions_of_strided_samples_have_the_same_bits_in_any_batches(shape):
 @pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1e300])
 def test_the_length_of_numbers_of_any_size(size):
     found = Monitor(
-        parse("always(norm(m.s) < 0)"), Scope(lambda *_: Seen("m.s", (2,), (None,), np.dtype(float), None), nowhere)
+        parse("always(norm(m.s) < 0)"),
+        Scope(lambda *_: Seen("m.s", (2,), (None,), np.dtype(float), None), nowhere),
     )
     found.update(np.array([0.0]), {"m.s": np.array([[3.0, 4.0]]) * size})
     assert found.robustness(True).margin == pytest.approx(-5 * size, rel=1e-15)
