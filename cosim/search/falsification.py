@@ -3,7 +3,7 @@
     look at the middle, at corners and at points that fill the space
     repeat
         CMA-ES from the best point that has not been begun from, or from the best of some random ones, until it
-        stands still
+        stands still; meanwhile one run of eleven is of a corner or of a random point
     until a run violates the requirement, or all runs are spent
 
 A descent looks no further along its runs than it has to: twice as far as what decides its begin's margin. What such a
@@ -46,6 +46,8 @@ SHORTEST = 1 / 32
 """Of the run, what is always looked at: less saves nothing."""
 LOOKED_AT, AT_ONCE = 32, 8
 """How many points a look has, and how many of them are run at once: what is easily found needs few runs."""
+ELSEWHERE = 5
+"""After so many generations of a descent some points elsewhere are looked at: it may be in a valley without an exit."""
 FIRST = 2
 """How many points of the first look are begun from."""
 TRIES = 200
@@ -120,6 +122,13 @@ class Falsification:
         size = self._evaluator.draws.size
         return [*filter(None, (self._accepted(lambda: self._random.random(size)) for _ in range(count)))]
 
+    def _elsewhere(self) -> list[Place]:
+        """Some corners, those of them that are accepted, and other points: as many as are run at once."""
+        size = self._evaluator.draws.size
+        corners = self._random.integers(0, 2, (AT_ONCE // 2, size))
+        found = [*filter(None, map(self._place, corners))]
+        return [*found, *self._random_places(AT_ONCE - len(found))]
+
     def _accepted(self, draw: Callable[[], Any]) -> Place | None:
         """The first of some points that is accepted."""
         return next(filter(None, (self._place(draw()) for _ in range(TRIES))), None)
@@ -141,9 +150,11 @@ class Falsification:
             if len(trials) < POPULATION // 2:  # nearly nothing is accepted there, or all runs are spent
                 break
             strategy.tell([np.array(t.point) for t in trials], [t.cost for t in trials])
+            typical = float(np.median([t.cost for t in trials]))
+            if not len(courses) % ELSEWHERE and min(t.cost for t in trials) > 0.0:
+                trials += self._tried(self._elsewhere(), until)
             best = min(best, *trials, key=lambda t: t.cost)
             courses.append(best.cost)
-            typical = float(np.median([t.cost for t in trials]))
             if best.cost <= 0.0:
                 break
         if best is not begin and until < math.inf and not self._is_over():
