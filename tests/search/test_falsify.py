@@ -78,6 +78,38 @@ def test_what_can_be_violated_is_found_is_real_and_runs_again(tmp_path, capsys):
     assert again["margin"] == answer["margin"]  # to the bit
 
 
+# A valley that goes down for ever to (0.1, …), and far from it one point in 39, and one corner in 16, that violates.
+VALLEY = """
+from cosim import *
+
+class Valley(Block):
+    p = Parameter(4)
+    g = Output()
+
+    def outputs(p, g):
+        low, square = 1.0, 0.0
+        for k in range(4):
+            low = min(low, p[k])
+            square += (p[k] - 0.1) ** 2
+        g[0] = -1.0 if low > 0.6 else square
+"""
+TRAP = """
+diagram: diagram.yaml
+requirements: {outside: always(valley.g > 0)}
+search: {over: {blocks.valley.parameters.p: {uniform: [0, 1]}}, runs: 2000, seed: 3}
+"""
+
+
+def test_a_valley_without_an_exit_does_not_take_all_runs(tmp_path, capsys):
+    """A descent takes 300 generations of 16 runs; of what else is looked at, 200 points, none violates once in 9,000."""
+    (tmp_path / "own.py").write_text(VALLEY)
+    blocks = "blocks: {valley: {python: 'own.py:Valley', parameters: {p: [0, 0, 0, 0]}}}\n"
+    written(tmp_path, "run: {stop: 1, step: 1}\n" + blocks, TRAP)
+    code, (answer,) = falsify(tmp_path, capsys=capsys)
+    assert (code, answer["verdict"], answer["margin"]) == (3, "real", -1.0)
+    assert 49 < answer["runs"] < 2000
+
+
 def test_what_cannot_be_violated_is_not_found_and_nothing_is_claimed(tmp_path, capsys):
     written(tmp_path, RAMP, reach(-0.05))
     code, (answer,) = falsify(tmp_path, capsys=capsys)
