@@ -101,7 +101,7 @@ search: {over: {blocks.valley.parameters.p: {uniform: [0, 1]}}, runs: 2000, seed
 
 
 def test_a_valley_without_an_exit_does_not_take_all_runs(tmp_path, capsys):
-    """A descent takes 300 generations of 16 runs; of 100 corners that are looked at beside it none violates once in 600."""
+    """A descent takes 300 generations of 16 runs; of 100 corners looked at meanwhile none violates once in 600."""
     (tmp_path / "own.py").write_text(VALLEY)
     blocks = "blocks: {valley: {python: 'own.py:Valley', parameters: {p: [0, 0, 0, 0]}}}\n"
     written(tmp_path, "run: {stop: 1, step: 1}\n" + blocks, TRAP)
