@@ -13,6 +13,7 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
+from cosim.machine.interruption import GRACE
 from cosim.machine.supervision import GLANCE, Patience
 
 T = TypeVar("T")
@@ -51,12 +52,18 @@ class MindedThread:
             if self.given_up:
                 raise Forsaken
 
-    def mind(self) -> bool:
-        """Give it up where it gives no sign of life, and say whether it is."""
+    def mind(self, hurried: bool) -> bool:
+        """Give it up where it gives no sign of life, and say whether it is.
+
+        hurried: whether its result is no longer waited for, but that it ends; then nobody says that its job failed.
+        """
         with self._lock:
-            if self._called and self._called[0].exhausted():
-                self.given_up = True
-                self._future.set_exception(self._called[1]())
+            if self._called:
+                patience, silent = self._called
+                patience.limit = min(patience.limit, GRACE) if hurried else patience.limit
+                if patience.exhausted():
+                    self.given_up = True
+                    self._future.set_exception(KeyboardInterrupt() if hurried else silent())
         return self.given_up
 
     def _work(self) -> None:
@@ -81,7 +88,7 @@ class MindedThreads(Executor):
     def __init__(self, count: int) -> None:
         self._jobs: SimpleQueue[Job | None] = SimpleQueue()
         self._threads = [MindedThread(self._jobs, number) for number in range(count)]
-        self._over = threading.Event()
+        self._hurried, self._over = False, threading.Event()
         threading.Thread(target=self._mind, name="minder", daemon=True).start()
 
     def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
@@ -92,6 +99,7 @@ class MindedThreads(Executor):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """As of `Executor`; nobody waits for those that are given up."""
+        self._hurried |= cancel_futures
         while cancel_futures:
             try:
                 job = self._jobs.get_nowait()
@@ -108,7 +116,7 @@ class MindedThreads(Executor):
     def _mind(self) -> None:
         while not self._over.wait(GLANCE):
             for number, one in enumerate(self._threads):
-                if not one.given_up and one.mind():
+                if not one.given_up and one.mind(self._hurried):
                     self._threads[number] = MindedThread(self._jobs, number)
 
 

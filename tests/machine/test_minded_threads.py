@@ -1,9 +1,11 @@
 """Threads for native code: their jobs' results, and a call that gives no sign of life costs its own job alone."""
 
 import json
+import signal
 import subprocess
 import sys
 import threading
+import time
 from concurrent.futures import CancelledError
 
 import pytest
@@ -107,11 +109,6 @@ class Bad(Block):
 DIAGRAM = "run: {stop: 0.1, step: 0.01, patience: 0.3}\nblocks: {bad: {python: 'own.py:Bad'}}\n"
 METRIC = "metrics: {x: {signal: bad.x, reduce: final}}\n"
 GRID = "diagram: own.yaml\ngrid: {blocks.bad.parameters.a: [0, 1, 0.25]}\n"
-SEARCH = """
-diagram: own.yaml
-requirements: {low: always(bad.x < 1)}
-search: {over: {blocks.bad.parameters.a: {uniform: [0, 1]}}, runs: 40}
-"""
 
 
 def cosim(folder, *words):
@@ -129,10 +126,15 @@ def test_members_of_a_study_that_never_end_are_lost_alone(tmp_path):
     assert "block bad: no sign of life for 0.3 s in derivatives() at t = 0.03 s" in done.stdout
 
 
-def test_a_search_takes_a_run_that_never_ends_for_a_violation(tmp_path):
+def test_ctrl_c_waits_for_no_member_that_never_ends(tmp_path):
     (tmp_path / "own.py").write_text(ENDLESS)
-    (tmp_path / "own.yaml").write_text(DIAGRAM)
-    (tmp_path / "search.yaml").write_text(SEARCH)
-    done = cosim(tmp_path, "falsify", "search.yaml", "--json")
-    (answer,) = json.loads(done.stdout)["answers"]
-    assert answer["violated"] and "no sign of life" in answer["ended"]
+    (tmp_path / "own.yaml").write_text(DIAGRAM.replace("patience: 0.3", "patience: 600") + METRIC)
+    (tmp_path / "grid.yaml").write_text(GRID)
+    command = [sys.executable, "-m", "cosim", "study", "grid.yaml"]
+    store = tmp_path / "results" / "grid" / "members.jsonl"
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while process.poll() is None and not (store.exists() and len(store.read_text().splitlines()) == 2):
+            time.sleep(0.05)  # until the one that never ends is alone
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+    assert process.returncode == 130 and "2 of 3 members" in output + errors
