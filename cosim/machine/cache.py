@@ -14,10 +14,9 @@ import sys
 import tempfile
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
-from cosim.machine import notices
+from cosim.machine import distributions, notices
 
 _FORMAT = b"cosim object code 1 "
 _FLAGS = sum(getattr(os, name, 0) for name in ("O_BINARY", "O_NOFOLLOW", "O_NONBLOCK"))
@@ -111,6 +110,7 @@ COMPILING = (
     "language/expression_tree",
     "language/misreadings",
     "language/units",
+    "machine/distributions",
     "machine/floating",
     "machine/installed",
     "machine/memory",
@@ -143,7 +143,7 @@ def toolchain() -> tuple[str, ...]:
 @cache
 def _versions() -> tuple[str, ...]:
     own = b"".join((Path(__file__).parents[1] / f"{name}.py").read_bytes() for name in COMPILING)
-    return (*map(version, ("numba", "llvmlite", "numpy")), sys.version, hashlib.sha256(own).hexdigest())
+    return (*map(distributions.version, ("numba", "llvmlite", "numpy")), sys.version, hashlib.sha256(own).hexdigest())
 
 
 def read(name: str) -> bytes | None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import os
 import sys
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+from cosim.machine import distributions
 
 _KNOWN = (
     "__future__ abc array bisect builtins cmath collections contextlib copy copyreg dataclasses decimal enum fractions "
@@ -46,15 +46,10 @@ def text(package: str, file: str | None) -> str:
     folder = next((parent.parent for parent in path.parents if parent.name == package), None)
     if folder is None:
         return ""
-    for distribution in _distributions(package, folder):
-        lines = (distribution.read_text("RECORD") or "").splitlines()  # file, hash, size
+    there = distributions.installed_in(str(folder))
+    for distribution in sorted(there, key=lambda one: one.name != package.lower()):  # most are called like it
+        lines = distribution.text("RECORD").splitlines()  # file, hash, size
         own = [line for line in lines if line.startswith(f"{package}/") and ".pyc," not in line]
         if any(line.startswith(f"{path.relative_to(folder).as_posix()},") for line in own):
             return f"{package} {distribution.version} {hashlib.sha256(' '.join(own).encode()).hexdigest()}"
     return ""
-
-
-def _distributions(package: str, folder: Path) -> Iterator[importlib.metadata.Distribution]:
-    """What is installed in a folder: what is called like the package first, then all."""
-    yield from importlib.metadata.distributions(name=package, path=[str(folder)])
-    yield from importlib.metadata.distributions(path=[str(folder)])

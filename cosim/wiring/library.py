@@ -15,7 +15,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import MappingProxyType, ModuleType
 
@@ -33,7 +32,7 @@ from cosim.errors import (
 )
 from cosim.language import source
 from cosim.language.entry import BlockEntry
-from cosim.machine import importing
+from cosim.machine import distributions, importing
 from cosim.wiring.block_files import import_file
 from cosim.wiring.block_modules import block_classes, find_spec, import_error
 
@@ -197,9 +196,9 @@ def _libraries(name: str = "") -> tuple[dict[str, list[type[Block]]], list[Cosim
 
 
 @cache
-def _points() -> list[EntryPoint]:
+def _points() -> list[distributions.EntryPoint]:
     """The entry points of all installed libraries, for which all that is installed is looked through."""
-    return sorted(entry_points(group=GROUP))
+    return sorted(distributions.entry_points(GROUP))
 
 
 def _modules(name: str, errors: list[CosimError], wanted: bytes) -> Iterator[ModuleType]:

@@ -1,13 +1,13 @@
 """`cosim blocks`: groups, words to look for, where each comes from, and own files, of which nothing runs."""
 
 import sys
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from cosim.engine import run
 from cosim.errors import AmbiguousBlock, DiagramErrors, UnknownBlock
+from cosim.machine import distributions
 from cosim.terminal import cli
 from cosim.wiring import catalogue, library
 
@@ -74,8 +74,8 @@ def packs(tmp_path, monkeypatch):
     monkeypatch.chdir(own)
     monkeypatch.syspath_prepend(str(site))
     pairs = {"cosim": "cosim.blocks", "acme.motors": "acme_motors", "others": "others"}
-    points = [EntryPoint(name, value, library.GROUP) for name, value in pairs.items()]
-    monkeypatch.setattr(library, "entry_points", lambda group: points)
+    points = [distributions.EntryPoint(name, value) for name, value in pairs.items()]
+    monkeypatch.setattr(distributions, "entry_points", lambda group: points)
     library._points.cache_clear()
     library._libraries.cache_clear()
     yield own

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from importlib.metadata import EntryPoint
 
 import pytest
 
@@ -22,7 +21,7 @@ from cosim.errors import (
 )
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
-from cosim.machine import importing
+from cosim.machine import distributions, importing
 from cosim.wiring import library
 
 LAG = '''
@@ -54,8 +53,8 @@ def libraries(tmp_path, monkeypatch):
     before = set(sys.modules)
 
     def make(*packages):
-        points = [EntryPoint(name, name, library.GROUP) for name in packages]
-        monkeypatch.setattr(library, "entry_points", lambda group: points)
+        points = [distributions.EntryPoint(name, name) for name in packages]
+        monkeypatch.setattr(distributions, "entry_points", lambda group: points)
         library._points.cache_clear()
         library._libraries.cache_clear()
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from importlib import metadata
 
 from cosim.errors import MissingPackage
+from cosim.machine import distributions
 from cosim.terminal.exits import DONE
 
 
@@ -30,5 +30,5 @@ def run(_: argparse.Namespace) -> int:
     sys.stdout.flush()
     with os.fdopen(os.dup(0), "rb") as asked, os.fdopen(os.dup(1), "wb") as answered:
         os.dup2(2, 1)
-        server.serve(asked, answered, metadata.version("cosim"))
+        server.serve(asked, answered, distributions.version("cosim"))
     return DONE
