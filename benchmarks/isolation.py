@@ -38,8 +38,8 @@ def repeat(time: float, base: int, frame: int) -> int:
 
 def exchange(calls: int, rounds: int) -> dict[str, list[float]]:
     """Microseconds a call in each round, by address and through the mailbox."""
-    near = kernels.raw_module("nothing", (nothing, repeat)).load()
-    far = kernels.raw_module("mailbox", mailbox.KERNELS).load()
+    near = kernels.module(kernels.raw_sources("nothing", (nothing, repeat))).load()
+    far = kernels.module(kernels.raw_sources("mailbox", mailbox.KERNELS)).load()
     box = mailbox.new()
     table = np.array([[near.address("nothing"), 0]], np.int64)
     box[mailbox.CALLS] = table.ctypes.data

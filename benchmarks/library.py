@@ -90,7 +90,7 @@ def of_kernel(block: str, function: str, arrays: dict[str, np.ndarray], sizes: d
     declaration = library.all_blocks()[block].declaration
     ports = [v for v in declaration.variables.values() if v.causality in ("input", "output")]
     constants = {d: sizes[d] for v in ports for d in v.shape if isinstance(d, str)}
-    compiled = kernels.block_module(declaration, constants)
+    compiled = kernels.module(kernels.block_sources(declaration, constants))
     called = next(f for f in declaration.functions if f.name == function)
     frame = frame_of(declaration, called, constants)
     extra = np.zeros(1)  # what C is not given, such as a truth value

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from cosim.compiling import kernels
 from cosim.engine import compilation, loop_code, program, run
 from cosim.engine.probes import Probes
 from cosim.engine.simulation import Simulation
@@ -68,7 +69,7 @@ def user(tmp_path_factory) -> Path:
 @pytest.fixture(scope="session")
 def loop_entry() -> tuple[str, bytes]:
     """What the cache of compiled code has of the loop: a name, and code."""
-    module = loop_code.compile_loop()
+    module = kernels.module(loop_code.whole_loop())
     return f"{module.name}-{module.key}", module.code
 
 
@@ -122,8 +123,8 @@ def trajectories():
     def trajectory(network: Network, *names: str, method: str | None = None, engine: str = "native"):
         built = program.build(network, method or network.diagram.run.method)
         signals = tuple(Signal(*name.rsplit(".", 1)) for name in names)
-        kernels = compilation.compile_program(built) if engine == "native" else None
-        one = Simulation(built, kernels, [Probes(signals)])
+        compiled = compilation.compile_program(built) if engine == "native" else None
+        one = Simulation(built, compiled, [Probes(signals)])
         one.initialize()
         parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
         for (samples,) in one.batches():

@@ -29,10 +29,11 @@ class KernelSource:
     disjoint: base and frame, and the arrays that it makes of them, are reached in no other way while it runs, so that
     what is written to one of them changes no other. checked: it is an author's, so that its indices are checked.
     absent: functions that it never comes to call, each with what is compiled in its place.
-    place, who: file:line and name of the author's function.
+    python: the function that is compiled. place, who: file:line and name of the author's.
     """
 
     symbol: str
+    python: Callable[..., Any]
     build: Callable[[], Callable[..., int]]
     fingerprint: str
     meaning: Callable[[], str]
@@ -77,6 +78,7 @@ def block_source(
     code = function.python.__code__
     return KernelSource(
         function.name,
+        run.python,
         build,
         digest + text + lane + _declared(declaration, function),
         meaning,
@@ -207,4 +209,6 @@ def raw_source(
 
     left_out = "".join(f"# without {f.__module__}.{f.__qualname__}\n" for f in absent)
     digest = files_text(entry) + (files_text(instead) if absent else "") + left_out + text
-    return KernelSource(name, build, digest, lambda: fingerprint(entry) + text, absent=dict.fromkeys(absent, instead))
+    return KernelSource(
+        name, entry, build, digest, lambda: fingerprint(entry) + text, absent=dict.fromkeys(absent, instead)
+    )

@@ -11,6 +11,8 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
+from llvmlite.binding.ffi import lib
+from numba.core.compiler_lock import global_compiler_lock
 
 from cosim.compiling import emission
 from cosim.compiling.plain_math import definitions
@@ -20,6 +22,10 @@ from cosim.machine import object_code
 
 if TYPE_CHECKING:
     from cosim.compiling.adapters import KernelSource
+
+
+#: What keeps threads from being inside of LLVM or numba at once.
+LOCKS = (global_compiler_lock, lib._lock)
 
 
 def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
@@ -35,8 +41,6 @@ def compile_object(name: str, sources: Iterable[KernelSource]) -> bytes:
 
 def compile_ir(name: str, sources: Iterable[KernelSource]) -> str:
     """Plain LLVM IR of the sources, each as ``int32 symbol(double, uint8 *, int64 *)``. Raises: as `compile_object`."""
-    from numba.core.compiler_lock import global_compiler_lock
-
     from cosim.compiling import checks, helpers
 
     sources, problems, good = tuple(sources), Problems(), []

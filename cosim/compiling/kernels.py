@@ -15,14 +15,15 @@ import json
 import re
 import time as clock
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from threading import Lock
 
 from cosim.authoring.declaration import Declaration
 from cosim.compiling.adapters import KernelSource, block_source, raw_source
+from cosim.compiling.amount import bytes_reached
 from cosim.compiling.fingerprint.text import obstacle
-from cosim.machine import cache, notices, object_code
+from cosim.machine import cache, notices, object_code, parallel, siblings, supervision
 
 
 @dataclass
@@ -86,39 +87,77 @@ class Kernels:
                 module.load()
 
 
-def module(name: str, sources: Iterable[KernelSource]) -> Module:
-    """The compiled sources, from the cache or compiled now.
+@dataclass(frozen=True)
+class ModuleSources:
+    """A module that is needed: its name, and what it is made of."""
+
+    name: str
+    sources: tuple[KernelSource, ...]
+
+    @cached_property
+    def key(self) -> str:
+        """What the code depends on."""
+        return _key(s.symbol + s.fingerprint for s in self.sources)
+
+    @property
+    def obstacle(self) -> str:
+        """What keeps the code from being kept, if anything."""
+        return next((reason for s in self.sources if (reason := obstacle(s.fingerprint))), "")
+
+    @property
+    def work(self) -> int:
+        """Roughly how long it takes to compile, in bytes of bytecode."""
+        return sum(bytes_reached(s.python, s.absent) * (2 if s.lanes else 1) for s in self.sources)
+
+
+def module(wanted: ModuleSources) -> Module:
+    """A module, from the cache or compiled now.
 
     Raises: KernelError, naming the function that the compiler cannot take.
     """
-    sources = tuple(sources)
-    if found := kept(name, sources):
+    if found := kept(wanted):
         return found
-    once = _obstacle(sources)
-    _say(name.partition("-")[0], once)
+    once = wanted.obstacle
+    _say(wanted.name.partition("-")[0], once)
     from cosim.compiling import compiler
 
     began = clock.perf_counter()
-    code, key = compiler.compile_object(name, sources), _key(s.symbol + s.fingerprint for s in sources)
+    code = compiler.compile_object(wanted.name, wanted.sources)
     if not once:
-        cache.write(_entry(name, key), code)
-    return Module(name, code, key, True, sources, clock.perf_counter() - began)
+        cache.write(_entry(wanted), code)
+    return Module(wanted.name, code, wanted.key, True, wanted.sources, clock.perf_counter() - began)
 
 
-def kept(name: str, sources: Sequence[KernelSource]) -> Module | None:
-    """The compiled sources from the cache; None where they are not in it."""
-    key = _key(s.symbol + s.fingerprint for s in sources)
-    code = None if _obstacle(sources) else cache.read(_entry(name, key))
-    return None if code is None else Module(name, code, key, False, tuple(sources))
+def kept(wanted: ModuleSources) -> Module | None:
+    """A module from the cache; None where it is not there."""
+    code = None if wanted.obstacle else cache.read(_entry(wanted))
+    return None if code is None else Module(wanted.name, code, wanted.key, False, wanted.sources)
 
 
-def _obstacle(sources: Iterable[KernelSource]) -> str:
-    """What keeps the sources from being kept, if anything."""
-    return next((reason for s in sources if (reason := obstacle(s.fingerprint))), "")
+def side_by_side(wanted: Sequence[ModuleSources]) -> list[Module | None]:
+    """Those of the modules that are in the cache, or that several processes can bring there now.
+
+    None where a module must be compiled by itself: it is the only one, cannot be kept, or there is something wrong
+    with it, which `module` tells.
+    """
+    found = [kept(each) for each in wanted]
+    missing = {each.key: each for each, there in zip(wanted, found, strict=True) if not there and not each.obstacle}
+    processes = min(len(missing), parallel.processors())
+    if processes < 2 or not supervision.AVAILABLE or not cache.is_usable():
+        return found
+    notices.progress(f"compiling {len(missing)} modules in {processes} processes, once…")
+    from cosim.compiling import compiler, helpers
+
+    helpers.target()  # so that not every process has to make it
+    ordered = sorted(missing.values(), key=lambda each: each.work, reverse=True)
+    done = siblings.shared_out([partial(module, each) for each in ordered], processes, compiler.LOCKS)
+    seconds = {ordered[number].key: took for number, took in done.items()}
+    again = [there or (kept(each) if each.key in seconds else None) for each, there in zip(wanted, found, strict=True)]
+    return [replace(m, compiled_now=True, seconds=seconds[m.key]) if m and m.key in seconds else m for m in again]
 
 
-def _entry(name: str, key: str) -> str:
-    return f"{re.sub(r'[^A-Za-z0-9_-]', '_', name)[:80]}-{key}"
+def _entry(wanted: ModuleSources) -> str:
+    return f"{re.sub(r'[^A-Za-z0-9_-]', '_', wanted.name)[:80]}-{wanted.key}"
 
 
 def _say(name: str, obstacle: str) -> None:
@@ -132,21 +171,16 @@ def _key(parts: Iterable[str]) -> str:
     return hashlib.sha256(json.dumps([*parts, *machine]).encode()).hexdigest()[:24]
 
 
-def block_module(declaration: Declaration, constants: dict[str, int], fleet: bool = False) -> Module:
+def block_sources(declaration: Declaration, constants: dict[str, int], fleet: bool = False) -> ModuleSources:
     """The kernels of a block type, one symbol a function. constants: the dimensions that are part of the code.
 
     fleet: of members that are worth a tile, see `cosim.compiling.tiles`.
     """
     name = f"{declaration.name}-" + "-".join(f"{k}{v}" for k, v in constants.items())
-    sources = [block_source(declaration, function, constants, fleet) for function in declaration.functions]
-    return module(name.rstrip("-"), sources)
+    sources = tuple(block_source(declaration, function, constants, fleet) for function in declaration.functions)
+    return ModuleSources(name.rstrip("-"), sources)
 
 
-def raw_module(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> Module:
+def raw_sources(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> ModuleSources:
     """Compiled functions of a time and two addresses, each behind the kernel ABI under its own name."""
-    return module(name, raw_sources(name, functions))
-
-
-def raw_sources(name: str, functions: Iterable[Callable[[float, int, int], int]]) -> tuple[KernelSource, ...]:
-    """What `raw_module` compiles."""
-    return tuple(raw_source(name, function) for function in functions)
+    return ModuleSources(name, tuple(raw_source(name, function) for function in functions))

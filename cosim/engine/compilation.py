@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cosim.compiling import kernels
-from cosim.compiling.kernels import Kernels
+from cosim.compiling.kernels import Kernels, Module, ModuleSources
 from cosim.compiling.tiles.parts import LEAST
 from cosim.engine import loop_code
 from cosim.engine.program import Program
@@ -22,23 +22,26 @@ def compile_program(program: Program) -> Kernels:
 
     Raises: DiagramErrors with all that keeps functions from being compiled, each at its line.
     """
-    made: dict[tuple[Any, ...], kernels.Module | None] = {}
-    modules: dict[str, kernels.Module | None] = {}
+    kinds: dict[tuple[Any, ...], list[Component]] = {}
+    for component in program.network.components.values():
+        key = (id(component.declaration), component.count >= LEAST, *component.constants().items())
+        kinds.setdefault(key, []).append(component)
     problems = Problems()
-    with loop_code.compiled_beside(_is_plain(program)) as loop:
-        for name, component in program.network.components.items():
-            key = (id(component.declaration), component.count >= LEAST, *component.constants().items())
-            if key not in made:
-                made[key] = _module(component, problems)
-            modules[name] = made[key]
-        problems.raise_if_any()
-        return Kernels(modules, loop())
+    wanted = [_attempted(_wanted, components[0], problems, components[0]) for components in kinds.values()]
+    loop = loop_code.wanted(_is_plain(program))
+    found = iter(kernels.side_by_side([loop, *filter(None, wanted)]))
+    loop_found = next(found)
+    modules: dict[str, Module | None] = {}
+    for components, each in zip(kinds.values(), wanted, strict=True):
+        made = each and (next(found) or _attempted(kernels.module, components[0], problems, each))
+        modules |= dict.fromkeys((component.name for component in components), made)
+    problems.raise_if_any()
+    return Kernels({name: modules[name] for name in program.network.components}, loop_found or kernels.module(loop))
 
 
 def fitting(compiled: Kernels, program: Program) -> Kernels:
     """The kernels of a program with those of another one of the same blocks. Raises: as `compile_program`."""
-    with loop_code.compiled_beside(_is_plain(program)) as loop:
-        return replace(compiled, loop=loop())
+    return replace(compiled, loop=kernels.module(loop_code.wanted(_is_plain(program))))
 
 
 def _is_plain(program: Program) -> bool:
@@ -48,14 +51,19 @@ def _is_plain(program: Program) -> bool:
     return not (program.attempts.needed or chosen or np.isin(program.rows[:, tables.KIND], more).any())
 
 
-def _module(component: Component, problems: Problems) -> kernels.Module | None:
-    """The kernels of a component's type; None for one that stays Python, or, with mistakes, cannot be compiled."""
+def _wanted(component: Component) -> ModuleSources | None:
+    """What is to be compiled of a component's type; None where it stays Python."""
     if component.declaration.foreign:
-        return kernels.raw_module("fmu", [component.declaration.foreign.kernel])
+        return kernels.raw_sources("fmu", [component.declaration.foreign.kernel])
     if not component.declaration.compiled:
         return None
+    return kernels.block_sources(component.declaration, component.constants(), component.count >= LEAST)
+
+
+def _attempted(stage: Any, component: Component, problems: Problems, given: Any) -> Any:
+    """What a stage returns for a component's type; None where there are mistakes, which are kept."""
     try:
-        return kernels.block_module(component.declaration, component.constants(), component.count >= LEAST)
+        return stage(given)
     except (KernelError, DeclarationError, DiagramErrors) as error:
         for mistake in error.each:
             place = mistake.position or component.entry.type.position

@@ -32,7 +32,7 @@ class Served(Instances):
         self.process = component.name if alone else f"{component.name} {self.members[0] + 1}"
         self.box = mailbox.new()
         self.loop_link = np.zeros(0, np.int64)  # as of `mailbox.SERVERS` and what follows
-        self._code = kernels.raw_module("server", (adapter.adapt, mailbox.serve)).load()
+        self._code = kernels.module(kernels.raw_sources("server", (adapter.adapt, mailbox.serve))).load()
         self._frames = [self._frame(call) for call in calls]
         entry = self._code.address("adapt")
         self._table = np.array([(entry, frame.ctypes.data) for frame in self._frames], np.int64)

@@ -18,6 +18,7 @@ import time
 import warnings
 import weakref
 from collections.abc import Callable, Hashable, Mapping
+from functools import partial
 from typing import Any, NoReturn
 
 from cosim.machine import interruption
@@ -48,6 +49,26 @@ def fate(code: int) -> str:
     return _SIGNALS.get(name, name)
 
 
+def forked(work: Callable[[], object]) -> int:
+    """The number of a new process, which works and ends: with code 0, or 1 where that raises something."""
+    parent = os.getpid()
+    mortal = threading.current_thread() is threading.main_thread()
+    _flush()
+    with warnings.catch_warnings():
+        # Python 3.12 warns of other threads' locks; a forked process uses what is its own, or locked over the fork.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            _settle(parent, mortal)
+            work()
+            code = 0
+        finally:
+            os._exit(code)
+    return child
+
+
 class Ended(Exception):
     """A process is gone, or had to be killed; how: in words; hung: whether it was killed for its silence."""
 
@@ -67,20 +88,7 @@ class Process:
         self.name = name
         self.connection, there = Pipe()
         self.answers: list[tuple[bool, Any]] = []
-        parent = os.getpid()
-        mortal = threading.current_thread() is threading.main_thread()
-        _flush()
-        with warnings.catch_warnings():
-            # Python 3.12 warns of other threads' locks; the forked process uses its own instances, pipe and loop only.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            self.pid = os.fork()
-        if self.pid == 0:
-            try:
-                self.connection.close()
-                _settle(parent, mortal)
-                _obey(there, commands)
-            finally:
-                os._exit(1)
+        self.pid = forked(partial(_obey, self.connection, there, commands))
         there.close()
         _connections.add(self.connection)
 
@@ -253,7 +261,9 @@ def _settle(parent: int, mortal: bool) -> None:
         os._exit(1)
 
 
-def _obey(connection: Any, commands: Commands) -> NoReturn:
+def _obey(parents: Any, connection: Any, commands: Commands) -> NoReturn:
+    """Do what comes by the connection, of which the parent has the other end."""
+    parents.close()
     while True:
         try:
             name, arguments = connection.recv()

@@ -26,4 +26,5 @@ def _compiled(function: Kernel) -> Kernel:
     from cosim.compiling import kernels
 
     name = function.__name__
-    return _PROTOTYPE(kernels.raw_module(f"requirements-{name}", (function,)).load().address(name))
+    made = kernels.module(kernels.raw_sources(f"requirements-{name}", (function,)))
+    return _PROTOTYPE(made.load().address(name))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cosim.compiling import kernels
 from cosim.engine import compilation, loop_code, program
 from cosim.engine.run import Run, load
 from cosim.engine.simulation import Simulation
@@ -49,11 +50,11 @@ def test_both_loops_compute_the_same_bits(write, run):
     ring = "back: {block: FirstOrder, inputs: {u: held.y}}"
     network = load(write(diagram(held, ring, run=f"stop: 20, step: 0.01, {run}")))
     built = program.build(network, network.diagram.run.method)
-    whole = replace(compilation.compile_program(built), loop=loop_code.compile_loop())
+    whole = replace(compilation.compile_program(built), loop=kernels.module(loop_code.whole_loop()))
     assert compilation._is_plain(built)
     samples = []
-    for kernels in (whole, replace(whole, loop=loop_code.compile_loop(plain=True))):
-        done = Run(network, prepared=(built, kernels), kept=True)
+    for compiled in (whole, replace(whole, loop=kernels.module(loop_code.plain_loop()))):
+        done = Run(network, prepared=(built, compiled), kept=True)
         assert done.execute().status == "completed"
         times, values = done.samples.flat()
         samples.append([times, *values.values()])
@@ -65,10 +66,12 @@ def test_both_loops_compute_the_same_bits(write, run):
 def test_what_needs_more_fails_without_it(write):
     network = load(write(diagram(*RING)))
     built = program.build(network, network.diagram.run.method)
-    kernels = compilation.compile_program(built)
+    compiled = compilation.compile_program(built)
     with pytest.raises(CosimError):
-        Simulation(built, replace(kernels, loop=loop_code.compile_loop(plain=True))).initialize()
-    assert compilation.fitting(replace(kernels, loop=loop_code.compile_loop(plain=True)), built).loop.name == "engine"
+        Simulation(built, replace(compiled, loop=kernels.module(loop_code.plain_loop()))).initialize()
+    assert (
+        compilation.fitting(replace(compiled, loop=kernels.module(loop_code.plain_loop())), built).loop.name == "engine"
+    )
 
 
 def test_the_whole_loop_is_taken_where_it_is_found(monkeypatch, tmp_path):
@@ -76,9 +79,8 @@ def test_the_whole_loop_is_taken_where_it_is_found(monkeypatch, tmp_path):
     kept = {"engine": b"whole", "engine-plain": b"plain"}
     monkeypatch.setattr(cache, "read", lambda entry: kept.get(entry.rpartition("-")[0]))
     for plain in (True, False):
-        with loop_code.compiled_beside(plain) as loop:
-            assert loop().code == b"whole"
-    whole = loop()
+        whole = kernels.module(loop_code.wanted(plain))
+        assert whole.code == b"whole"
     del kept["engine"]
-    with loop_code.compiled_beside(plain=True) as loop:
-        assert loop().code == b"plain" and loop().meaning == whole.meaning and loop().key != whole.key
+    loop = kernels.module(loop_code.wanted(plain=True))
+    assert loop.code == b"plain" and loop.meaning == whole.meaning and loop.key != whole.key

@@ -114,8 +114,8 @@ def test_a_killed_server_stops_the_run(machines, fleet):
     assert "block plant (machine2.fmu" in str(outcome.error) and "killed the process" in str(outcome.error)
 
 
-def test_native_diagrams_fork_nothing(formation, monkeypatch):
-    monkeypatch.setattr(os, "fork", lambda: pytest.fail("forked"))
+def test_native_diagrams_need_no_process_of_their_own(formation, monkeypatch):
+    monkeypatch.setattr(supervision.Crew, "hire", lambda *_: pytest.fail("forked"))
     assert Run(run.load(formation, ["run.stop=0.01"])).execute().status == "completed"
 
 

@@ -86,6 +86,7 @@ def test_a_metric_that_means_something_else_is_not_compared_with_the_run_before(
 def test_nothing_known_is_compiled_twice(cosim, write):
     path = write(SMALL)
     cosim("run", path, "--json")
+    cosim("run", path, "--json", "--set", "fleets.robot=3")  # from three members on, several are done at a time
     for options in (
         (),
         ("--set", "blocks.lag.parameters.T=[0.1, 0.2]"),
