@@ -13,6 +13,8 @@ from cosim.errors import CosimError
 
 AnyVariable = TypeVar("AnyVariable", bound=Variable)
 KINDS = ("calculate", "start", "outputs", "derivatives", "update", "indicators", "event")
+#: Of these, what is called before the first step of a run only.
+BEGINNING = KINDS[:2]
 #: What the name of a state begins with where a function writes what becomes of it.
 PREFIXES = {"derivatives": "d_", "update": "next_", "event": "next_"}
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any
 
-from cosim.authoring.declaration import Declaration, Function, is_scalar, variable_of
+from cosim.authoring.declaration import BEGINNING, Declaration, Function, is_scalar, variable_of
 from cosim.authoring.lowering.axis_sizes import Size
 from cosim.authoring.lowering.block_functions import lowered
 from cosim.compiling.fingerprint.own_files import files_text
@@ -151,9 +151,12 @@ def _called(lines: list[str], declaration: Declaration, function: Function, inde
 
 
 def _parts(declaration: Declaration, function: Function, constants: dict[str, int]) -> tuple[TilePart, ...]:
-    """The arguments of a function in a tile; none where it has memory of its own, or sizes of a run."""
+    """The arguments of a function in a tile; none where it has memory of its own, or sizes of a run.
+
+    None either where it is called before the first step only, which is not worth it.
+    """
     frame = frame_of(declaration, function, constants)
-    if frame.dimensions or lowered(declaration, function).temporaries:
+    if function.kind in BEGINNING or frame.dimensions or lowered(declaration, function).temporaries:
         return ()
     parts = list[TilePart]()
     for argument, slot in frame.slots.items():

@@ -26,6 +26,7 @@ from cosim.authoring.author_source import shown
 from cosim.authoring.lowering import routines
 from cosim.compiling import checks, intrinsics
 from cosim.compiling.fingerprint.text import fingerprint
+from cosim.compiling.known_calls import KnownCalls
 from cosim.compiling.linking import Codegen
 from cosim.errors import KernelError, Position
 from cosim.machine import memory
@@ -35,12 +36,15 @@ class Target:
     """What a dispatcher asks for: numba's own processor target, with ahead-of-time code generation and our faults."""
 
     options = cpu_target.options
-    typing_context = cpu_target.typing_context
 
     def __init__(self) -> None:
         codegen: Any = Codegen
-        self.target_context = cpu_target.target_context.subtarget(_internal_codegen=codegen("cosim"), aot_mode=True)
+        self.typing_context = KnownCalls.beside(cpu_target.typing_context)
+        self.target_context = cpu_target.target_context.subtarget(
+            _internal_codegen=codegen("cosim"), aot_mode=True, typing_context=self.typing_context
+        )
         self.target_context.__class__ = checks.Context
+        self.target_context.refresh()
 
 
 @cache

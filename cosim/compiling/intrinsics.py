@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from llvmlite import ir
-from numba import carray, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-array = carray
 BYTES = types.CPointer(types.uint8)
 NUMBERS = {name: getattr(types, name) for name in ("float64", "float32", "int8", "int16", "int32", "int64")}
 NUMBERS |= {name: getattr(types, name) for name in ("uint8", "uint16", "uint32", "uint64")} | {"bool": types.boolean}
@@ -106,23 +105,44 @@ def read_only(context: Any, array: Any) -> Any:
 
 
 @intrinsic
+def array(context: Any, pointer: Any, shape: Any) -> Any:
+    """An array whose elements lie side by side, from a pointer on: numba.carray without a function."""
+    kind = types.Array(pointer.dtype, len(shape), "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        step = ir.IntType(64)(context.get_abi_sizeof(context.get_data_type(pointer.dtype)))
+        return _array(context, builder, signature, (*arguments, step))
+
+    return kind(pointer, shape), generate
+
+
+@intrinsic
 def strided(context: Any, pointer: Any, shape: Any, step: Any) -> Any:
     """An array whose elements are so many bytes apart, from a pointer on."""
     kind = types.Array(pointer.dtype, len(shape), "A")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        data, sizes, step = arguments
-        word, lengths = ir.IntType(64), cgutils.unpack_tuple(builder, sizes, len(shape))
-        strides = [step]
-        for size in reversed(lengths[1:]):
-            strides.insert(0, builder.mul(strides[0], size))
-        view = make_array(kind)(context, builder)
-        itemsize = word(context.get_abi_sizeof(context.get_data_type(pointer.dtype)))
-        data = builder.bitcast(data, context.get_data_type(pointer.dtype).as_pointer())
-        populate_array(view, data=data, shape=lengths, strides=strides, itemsize=itemsize, meminfo=None)
-        return view._getvalue()
+        return _array(context, builder, signature, arguments)
 
     return kind(pointer, shape, types.int64), generate
+
+
+def _array(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """The view that a signature promises, of a pointer, a shape, and by how many bytes elements are apart."""
+    data, sizes, step = arguments
+    kind, word = signature.return_type, ir.IntType(64)
+    element = context.get_data_type(kind.dtype)
+    lengths = [
+        context.cast(builder, size, given, types.intp)
+        for size, given in zip(cgutils.unpack_tuple(builder, sizes, kind.ndim), signature.args[1], strict=True)
+    ]
+    strides = [step]
+    for size in reversed(lengths[1:]):
+        strides.insert(0, builder.mul(strides[0], size))
+    view = make_array(kind)(context, builder)
+    data, itemsize = builder.bitcast(data, element.as_pointer()), word(context.get_abi_sizeof(element))
+    populate_array(view, data=data, shape=lengths, strides=strides, itemsize=itemsize, meminfo=None)
+    return view._getvalue()
 
 
 @intrinsic

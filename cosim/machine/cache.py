@@ -86,6 +86,7 @@ COMPILING = (
     "compiling/frame",
     "compiling/helpers",
     "compiling/intrinsics",
+    "compiling/known_calls",
     "compiling/linking",
     "compiling/mixed_numbers",
     "compiling/plain_math/arctangent",

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from cosim.authoring.declaration import BEGINNING
 from cosim.engine.run import Run
 from cosim.engine.simulation import Simulation
 from cosim.machine.stopwatch import START
@@ -143,7 +144,7 @@ def _members(simulation: Simulation) -> dict[str, str]:
     for call in simulation.program.calls:
         module = simulation.kernels.modules[call.component]
         reason = module.load().text(f"{call.function.name}.alone") if module else None
-        if reason is not None and call.function.kind not in ("calculate", "start"):
+        if reason is not None and call.function.kind not in BEGINNING:
             found[f"{call.component}.{call.function.name}"] = reason
     return found
 
