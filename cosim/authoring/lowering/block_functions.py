@@ -16,6 +16,9 @@ from cosim.authoring.lowering.work import LoweredFunction, Refusal
 if TYPE_CHECKING:
     from cosim.authoring.lowering.lowered_functions import Session
 
+Shape = tuple[int | str, ...]
+_ELEMENTS = {"b": TRUTH, "f": REAL}
+
 #: What has been found of functions for arguments of some kinds: how, and the function as it is run.
 _known: dict[tuple[Any, ...], tuple[Glance | Session, LoweredFunction]] = {}
 
@@ -41,12 +44,11 @@ def refusals(
 
 
 def _of(declaration: Declaration, function: Function) -> tuple[Glance | Session, LoweredFunction]:
-    arguments = {name: _argument(declaration, function, name) for name in function.arguments}
-    kinds = tuple((n, getattr(v, "kind", None), getattr(v, "element", "")) for n, v in arguments.items())
+    kinds = tuple((name, _kind(declaration, function, name)) for name in function.arguments)
     key = (function.python, kinds, declaration.compiled, bool(declaration.foreign))
     found = _known.get(key)
     if found is None or not found[0].is_current():
-        found = _known[key] = _found(declaration, function, arguments)
+        found = _known[key] = _found(declaration, function, {name: _argument(name, *kind) for name, kind in kinds})
     return found
 
 
@@ -64,13 +66,17 @@ def _found(
     return session, session.function(function.python, arguments, is_helper=False) or same
 
 
-def _argument(declaration: Declaration, function: Function, name: str) -> Value:
-    """What an argument stands for. A name that the block does not declare is said elsewhere."""
-    if name == "time" or name not in {*declaration.variables, *function.writes}:
-        return Scalar(syntax.name(name), REAL if name == "time" else "")
+def _kind(declaration: Declaration, function: Function, name: str) -> tuple[Shape | None, str]:
+    """An argument's shape, None for a number, and kind of number. What a block does not declare is said elsewhere."""
+    if name == "time" or (name not in declaration.variables and name not in function.writes):
+        return None, REAL if name == "time" else ""
     variable = variable_of(declaration, name)
-    element = {"b": TRUTH, "f": REAL}.get(variable.dtype.kind, WHOLE)
-    if is_scalar(variable, function, name):
+    element = _ELEMENTS.get(variable.dtype.kind, WHOLE)
+    return None if is_scalar(variable, function, name) else variable.shape or (1,), element
+
+
+def _argument(name: str, shape: Shape | None, element: str) -> Value:
+    """What an argument stands for."""
+    if shape is None:
         return Scalar(syntax.name(name), element)
-    shape = tuple(of_axis(size) for size in variable.shape or (1,))
-    return stored(name, name, ArrayKind(shape, element))
+    return stored(name, name, ArrayKind(tuple(map(of_axis, shape)), element))

@@ -78,7 +78,7 @@ class _Function:
                 return self._call(node)
             case ast.List() | ast.BinOp(op=ast.MatMult()) | ast.AugAssign(op=ast.MatMult()):
                 return False
-        return all(map(self.passes, ast.iter_child_nodes(node)))
+        return all(self.passes(child) for child in ast.iter_child_nodes(node) if child._fields)  # no mere operators
 
     def _left(self, node: Any) -> int:
         """The number of axes of an array, or of a part of one by indices; -1 for anything else that an array is in."""
