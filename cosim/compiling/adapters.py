@@ -64,15 +64,14 @@ def block_source(
     def meaning() -> str:
         return fingerprint(function.python) + (fingerprint(run.python) if run.changed else "") + text + lane
 
-    def build(text: str = text) -> Callable[..., int]:
+    def adapter(text: str) -> Callable[..., int]:
+        return _adapter(text, f"{declaration.name}.{function.name}", run.python)
+
+    def build() -> Callable[..., int]:
         from cosim.authoring import authors
-        from cosim.compiling import arithmetic, intrinsics
 
         authors.check([declaration], function)
-        scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": run.python}
-        exec(compile(text, f"<adapter of {declaration.name}.{function.name}>", "exec"), scope)  # noqa: S102  # a text of ours
-        adapter: Callable[..., int] = scope["adapter"]
-        return adapter
+        return adapter(text)
 
     # A block never reads what it writes in the same call: an input that its own output feeds is a copy.
     code = function.python.__code__
@@ -86,7 +85,7 @@ def block_source(
         checked=True,
         place=f"{code.co_filename}:{code.co_firstlineno}",
         who=f"{declaration.name}.{function.name}()",
-        lanes=partial(build, lane) if parts else None,
+        lanes=partial(adapter, lane) if parts else None,
         parts=parts,
     )
 
@@ -190,6 +189,16 @@ def _size(size: Size, constants: dict[str, int]) -> str:
     return " + ".join([*terms, str(size.number)])
 
 
+def _adapter(text: str, name: str, function: Callable[..., Any]) -> Callable[..., int]:
+    """What a text of ours makes of a function that it calls `function`. name: what it is for."""
+    from cosim.compiling import arithmetic, intrinsics
+
+    scope: dict[str, Any] = {**vars(intrinsics), "widened": arithmetic.widened, "function": function}
+    exec(compile(text, f"<adapter of {name}>", "exec"), scope)  # noqa: S102
+    adapter: Callable[..., int] = scope["adapter"]
+    return adapter
+
+
 @cache
 def raw_source(
     module: str, entry: Callable[[float, int, int], int], absent: tuple[Any, ...] = (), instead: Any = None
@@ -200,18 +209,10 @@ def raw_source(
     absent: what of that it never comes to call; `instead` is compiled in the place of each.
     """
     name = entry.__name__
-    text = f"def adapter(time, base, frame):\n    return {name}(time, address_of(base), address_of(frame))\n"
-
-    def build() -> Callable[..., int]:
-        from cosim.compiling import intrinsics
-
-        scope: dict[str, Any] = {**vars(intrinsics), name: entry}
-        exec(compile(text, f"<adapter of {module}.{name}>", "exec"), scope)  # noqa: S102  # a text of ours
-        adapter: Callable[..., int] = scope["adapter"]
-        return adapter
-
+    text = "def adapter(time, base, frame):\n    return function(time, address_of(base), address_of(frame))\n"
     left_out = "".join(f"# without {f.__module__}.{f.__qualname__}\n" for f in absent)
     digest = files_text(entry) + (files_text(instead) if absent else "") + left_out + text
+    build = partial(_adapter, text, f"{module}.{name}", entry)
     return KernelSource(
         name, entry, build, digest, lambda: fingerprint(entry) + text, absent=dict.fromkeys(absent, instead)
     )
