@@ -42,7 +42,7 @@ BEGUN, NEAR = 20, 0.02
 """A descent stands still where, after so many generations, half of one lie within this share of the best margin."""
 STILL, GAIN = 60, 0.05
 """It does too where so many generations gain less than this share of the margin."""
-SHORTEST = 1 / 32
+SHORTEST = 1 / 128
 """Of the run, what is always looked at: less saves nothing."""
 LOOKED_AT, AT_ONCE = 32, 8
 """How many points a look has, and how many of them are run at once: what is easily found needs few runs."""
