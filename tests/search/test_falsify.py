@@ -234,7 +234,7 @@ search: {over: {blocks.plant.start.x: {uniform: [0, 1.5]}}, runs: 200}
     steps = {row["key"].endswith(" until inf"): set[int]() for row in map(json.loads, lines)}
     for row in map(json.loads, lines):
         steps[row["key"].endswith(" until inf")].add(row["steps"])
-    assert steps == {True: {640}, False: {20}}  # whole runs, and runs of 64 s / 32
+    assert steps == {True: {640}, False: {5}}  # whole runs, and runs of 64 s / 128
     written(tmp_path, diagram, study.replace("< 2", "< 1.49"))
     code, (answer,) = falsify(tmp_path, capsys=capsys)
     assert (code, answer["violated"]) == (3, True)
