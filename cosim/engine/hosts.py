@@ -2,7 +2,7 @@
 
 =====================  =========================================================================
 this process           all of it, where nothing is foreign, or where there is no fork; compiled, the loop has a
-                       thread of its own there, if the thread that wants it is not minded anyway
+                       thread of its own there
 the engine's process   the loop, and foreign blocks that are called by address
 servers                isolated foreign blocks, which the loop calls through shared memory
 =====================  =========================================================================
@@ -22,9 +22,8 @@ from cosim.authoring.foreign import Part
 from cosim.engine.program import Program
 from cosim.engine.writer import Call
 from cosim.errors import BlockFailed, CosimError
-from cosim.machine.minded_threads import this_thread
 from cosim.machine.supervision import Crew, Ended, Patience, never
-from cosim.machine.worker import Abandoned, Worker
+from cosim.machine.worker import Abandoned, worker_of_this_thread
 from cosim.master import tables
 
 ENGINE = "engine"
@@ -46,7 +45,8 @@ class Here:
         self._loop = loop
         self._watch = watch
         self._patience = Patience(watch.activity, patience)
-        self._worker = None if keep is None else Worker(*keep)
+        self._keep = keep
+        self._abandoned = False
         self._opened: list[Part] = []
 
     def open(self) -> None:
@@ -60,19 +60,17 @@ class Here:
 
         Raises: BlockFailed for a function that does not return; KeyboardInterrupt for one that is wanted to.
         """
-        if self._worker is None:
+        if self._keep is None:
             return self._loop[command]()
-        if minded := this_thread():
-            return minded.call(self._loop[command], self._patience, self._silent)
         self._patience.renew()
+        worker = worker_of_this_thread()
         try:
-            return self._worker.do(self._loop[command], self._patience, self._watch.stop, wanted)
+            return worker.do(self._loop[command], self._patience, self._watch.stop, wanted, self._keep)
         except Abandoned:
-            raise self._silent() from None
-
-    def _silent(self) -> CosimError:
-        """Why a compiled function that does not return ends the run."""
-        return self._watch.silent(f"no sign of life for {self._patience.limit:g} s")
+            how = f"no sign of life for {self._patience.limit:g} s"
+            raise self._watch.silent(how) from None
+        finally:
+            self._abandoned |= worker.abandoned
 
     def failure(self, component: str, time: float) -> CosimError:
         """Why a call of a foreign block failed at a time (s)."""
@@ -89,9 +87,7 @@ class Here:
 
     def close(self, terminate: bool) -> None:
         """End all instances; terminate: they were initialized."""
-        if self._worker:
-            self._worker.close()
-        if self._worker and self._worker.abandoned:
+        if self._abandoned:
             return  # whatever is called may still be in use
         while self._opened:
             self._opened.pop().close(terminate)

@@ -28,7 +28,7 @@ from cosim.errors import (
 )
 from cosim.language import diagram as diagrams
 from cosim.language.diagram import Diagram
-from cosim.machine import interruption
+from cosim.machine import interruption, supervision
 from cosim.machine.interruption import Interrupted, Interruption
 from cosim.machine.stopwatch import START, Stopwatch
 from cosim.results.result_writer import ResultWriter
@@ -105,6 +105,7 @@ class Run:
         self.kernels_compiled = self._kernels.compiled if self._kernels else 0
         self.samples = Kept(network, _probes(self.network, self.reductions)[1]) if kept else None
         self._executed = False
+        self._stopped: Callable[[], bool] = supervision.never
         self.stopwatch = Stopwatch()  # of what is done between batches
         self.seconds = {"setup": clock.perf_counter() - started, "compile": 0.0, "solve": 0.0}
 
@@ -131,16 +132,19 @@ class Run:
         self.seconds["setup"] += clock.perf_counter() - compiled
         return made
 
-    def execute(self, watch: Callable[[float], None] = lambda time: None) -> Outcome:
+    def execute(
+        self, watch: Callable[[float], None] = lambda time: None, stopped: Callable[[], bool] = supervision.never
+    ) -> Outcome:
         """Run to the end, or to what stops it; `watch` is told the simulated time (s) between batches.
 
+        stopped: whether somebody other than a signal wants it to stop.
         A signal ends the run after the batch that is under way; until the result is closed, further ones lose nothing.
         Raises: DiagramErrors of what cannot be compiled, ResultError and CheckpointError if the result cannot be begun
         or resumed, CosimError if it was executed before, and what `watch` raises; everything else is in the outcome.
         """
         if self._executed:
             raise CosimError("this run has been executed", fix="make another `Run` of the same network")
-        self._executed = True
+        self._executed, self._stopped = True, stopped
         self.simulation  # noqa: B018  compiled before a result is begun
         with self._checkpointed(), interruption.deferred() as interrupted, self._writer() as writer:
             return self._recorded(writer, watch, interrupted)
@@ -185,7 +189,7 @@ class Run:
         aside = 0.0
 
         def wanted() -> bool:
-            return interrupted.wanted
+            return interrupted.wanted or self._stopped()
 
         try:
             self.simulation.breakable = interrupted.breakable
@@ -209,6 +213,8 @@ class Run:
                         self.checkpoints.follow(self.simulation, self.reductions, writer, interrupted.wanted)
                     aside += clock.perf_counter() - resumed
                     interrupted.raise_if_wanted()
+                    if self._stopped():
+                        raise KeyboardInterrupt
                     if not self.simulation.done % self.simulation.looks_at and self.reductions.ends():
                         break
             self.simulation.close()

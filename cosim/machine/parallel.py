@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
-
-from cosim.machine.minded_threads import MindedThreads
 
 
 def processors() -> int:
@@ -18,8 +16,8 @@ def processors() -> int:
 
 @contextmanager
 def threads(count: int) -> Iterator[Executor]:
-    """Threads of this process, whose native code is minded, as of `ending`."""
-    with ending(MindedThreads(count)) as executor:
+    """Threads of this process, as of `ending`."""
+    with ending(ThreadPoolExecutor(count, "member")) as executor:
         yield executor
 
 

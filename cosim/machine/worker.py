@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import threading
-from collections.abc import Callable
+import weakref
+from collections.abc import Callable, Sequence
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
@@ -19,28 +21,29 @@ class Abandoned(Exception):
 
 
 class Worker:
-    """A thread that does one thing at a time. keep: what native code touches, which an abandoned thread still needs."""
+    """A thread that does one thing at a time. It ends with this object, once it has nothing to do."""
 
-    def __init__(self, *keep: Any) -> None:
-        self._keep = keep
-        self._jobs: SimpleQueue[Callable[[], None] | None] | None = None
-        self.abandoned = False
-
-    def _hand(self, job: Callable[[], None]) -> None:
-        """Give a job to the thread, which begins with its first one and, closed, with the next one."""
-        if self._jobs is None:
-            self._jobs = SimpleQueue()
-            threading.Thread(target=_work, args=(self._jobs,), name="loop", daemon=True).start()
-        self._jobs.put(job)
+    def __init__(self) -> None:
+        self._jobs: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self.abandoned, self.process = False, os.getpid()
+        threading.Thread(target=_work, args=(self._jobs,), name="loop", daemon=True).start()
+        weakref.finalize(self, self._jobs.put, None)
 
     def do(
-        self, function: Callable[[], T], patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]
+        self,
+        function: Callable[[], T],
+        patience: Patience,
+        stop: Callable[[], None],
+        wanted: Callable[[], bool],
+        keep: Sequence[Any] = (),
     ) -> T:
         """What a function returns or raises. stop: asks it to return soon; wanted: whether somebody wants that.
 
+        keep: what native code touches, which an abandoned thread still needs.
         Raises: Abandoned where patience is exhausted; KeyboardInterrupt where it was asked to return and does not.
         """
-        done = threading.Event()
+        done = threading.Lock()  # which takes a fraction of the time of an event
+        done.acquire()
         returned: list[T] = []
         raised: list[BaseException] = []
 
@@ -49,46 +52,51 @@ class Worker:
                 returned.append(function())
             except BaseException as error:  # noqa: BLE001  # to be raised where it is waited for
                 raised.append(error)
-            done.set()
+            done.release()
 
-        self._hand(job)
+        self._jobs.put(job)
         try:
-            self._wait(done, patience, stop, wanted)
+            _wait(done, patience, stop, wanted)
         except BaseException:
             stop()
-            if not done.wait(GRACE):
-                self._abandon()
+            if not done.acquire(timeout=GRACE):
+                self._abandon(keep)
             raise
         if raised:
             raise raised[0]
         return returned[0]
 
-    def _wait(
-        self, done: threading.Event, patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]
-    ) -> None:
-        asked = 0.0
-        while not done.wait(GLANCE):
-            if wanted():
-                stop()
-                asked += GLANCE
-            if asked > GRACE:
-                raise KeyboardInterrupt
-            if patience.exhausted():
-                raise Abandoned
-
-    def _abandon(self) -> None:
+    def _abandon(self, keep: Sequence[Any]) -> None:
         """Leave the thread alone, with the memory that it uses."""
         self.abandoned = True
-        for thing in (self, *self._keep):
+        for thing in keep:
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
 
-    def close(self) -> None:
-        """Let the thread end once it has nothing to do."""
-        if self._jobs is not None:
-            self._jobs.put(None)
-            self._jobs = None
+
+_own = threading.local()
+
+
+def worker_of_this_thread() -> Worker:
+    """The one that works for the thread that asks, for as long as that lives: to begin a thread takes a while."""
+    worker: Worker | None = getattr(_own, "worker", None)
+    if worker is None or worker.abandoned or worker.process != os.getpid():  # a forked process has no such thread
+        worker = _own.worker = Worker()
+    return worker
+
+
+def _wait(done: threading.Lock, patience: Patience, stop: Callable[[], None], wanted: Callable[[], bool]) -> None:
+    asked = 0.0
+    while not done.acquire(timeout=GLANCE):
+        if wanted():
+            stop()
+            asked += GLANCE
+        if asked > GRACE:
+            raise KeyboardInterrupt
+        if patience.exhausted():
+            raise Abandoned
 
 
 def _work(jobs: SimpleQueue[Callable[[], None] | None]) -> None:
     while job := jobs.get():
         job()
+        job = None  # which has what it worked on

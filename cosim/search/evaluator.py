@@ -73,11 +73,7 @@ class Evaluator:
             self._store.close()
 
     def _here(self, executor: Executor, stop: threading.Event, chosen: Member, prepared: Prepared) -> Future[Row]:
-        def watch(_time: float) -> None:
-            if stop.is_set():
-                raise KeyboardInterrupt
-
-        return executor.submit(member_run.run, self.variants, chosen, None, watch, prepared)
+        return executor.submit(member_run.run, self.variants, chosen, None, stop.is_set, prepared)
 
     def _elsewhere(self, executor: Executor, chosen: Member, prepared: Prepared) -> Future[Row]:
         return executor.submit(executors.run_elsewhere, self.origin, chosen, None, prepared.key)

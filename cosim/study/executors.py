@@ -22,7 +22,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from cosim.errors import BlockFailed, ClusterError, CosimError
+from cosim.errors import ClusterError, CosimError
 from cosim.machine import interruption, parallel
 from cosim.study import member_run, study_file
 from cosim.study.definition import Study
@@ -82,9 +82,8 @@ def _follow(parent: BaseProcess) -> None:
     os._exit(1)
 
 
-def _watch(_time: float) -> None:
-    if _stop is not None and _stop.is_set():
-        raise KeyboardInterrupt
+def _is_stopped() -> bool:
+    return _stop is not None and _stop.is_set()
 
 
 @contextmanager
@@ -113,8 +112,6 @@ def row(future: Future[Row]) -> Row:
     """
     try:
         return future.result()
-    except BlockFailed as error:  # native code that does not return
-        return member_run.lost(error.message)
     except CosimError:
         raise
     except Exception as error:  # noqa: BLE001  # a lost member does not end the rest
@@ -178,7 +175,7 @@ def run_elsewhere(origin: Origin, chosen: Member, file: Path | None, key: str) -
         _variants.cache_clear()
         variants = _variants(origin)
         prepared = variants.prepared(chosen)
-    return member_run.run(variants, chosen, file, _watch, prepared)
+    return member_run.run(variants, chosen, file, _is_stopped, prepared)
 
 
 @lru_cache(maxsize=4)

@@ -10,6 +10,7 @@ from typing import Any
 from cosim.engine.outcome import Outcome
 from cosim.engine.run import Run
 from cosim.errors import CosimError, ResultError
+from cosim.machine.supervision import never
 from cosim.results.metrics import for_json
 from cosim.results.result_file import open_result
 from cosim.study.plan import Member
@@ -27,12 +28,12 @@ def run(
     variants: Variants,
     member: Member,
     file: Path | None,
-    watch: Callable[[float], None],
+    stopped: Callable[[], bool] = never,
     prepared: Prepared | None = None,
 ) -> Row:
     """Run a member; what goes wrong is in the row. file: where its signals are recorded, if they are.
 
-    Raises: ResultError if that file cannot be written, and what `watch` raises.
+    stopped: whether somebody wants it to stop, which interrupts it. Raises: ResultError if that file cannot be written.
     """
     row: Row = {"variant": member.variant, "grid": list(member.grid), "draw": member.draw}
     try:
@@ -40,7 +41,7 @@ def run(
         run = _run(variants, member, file, prepared)
     except CosimError as error:
         return {**row, **lost(error.message)}
-    outcome = run.execute(watch)
+    outcome = run.execute(stopped=stopped)
     if isinstance(outcome.error, ResultError):
         raise outcome.error
     row |= _kept(outcome)

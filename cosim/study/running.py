@@ -148,7 +148,7 @@ def run_one(study: Study, name: str, folder: Path) -> tuple[Member, Row]:
     chosen = plan.find(study, variants.draws(), name)
     if study.record is None:
         study.record = Node({}, next(iter(study.variants.values())).diagram_position)
-    row = member_run.run(variants, chosen, member_file(folder, chosen), lambda time: None)
+    row = member_run.run(variants, chosen, member_file(folder, chosen))
     return chosen, {**row, "metrics": from_json(row["metrics"])}
 
 
@@ -176,11 +176,7 @@ def _run(results: Results, options: Options) -> None:
 
 
 def _run_here(executor: Executor, results: Results, stop: threading.Event, job: Job) -> Future[Row]:
-    def watch(_time: float) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-
-    return executor.submit(member_run.run, results.variants, job.member, job.file, watch, job.prepared)
+    return executor.submit(member_run.run, results.variants, job.member, job.file, stop.is_set, job.prepared)
 
 
 def _run_elsewhere(executor: Executor, study: Study, options: Options, job: Job) -> Future[Row]:
