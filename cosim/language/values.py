@@ -73,7 +73,8 @@ class Value:
             if self.content.dtype.kind == "f" and dtype == np.float64:
                 return self.content
             leaves = [replace(self, content=item, shape=()) for item in self.content.reshape(-1).tolist()]
-            return [leaf._number(dtype, names) for leaf in leaves]  # noqa: SLF001  # of this class
+            numbers = [leaf._number(dtype, names) for leaf in leaves]  # noqa: SLF001  # of this class
+            return np.array(numbers, dtype).reshape(self.content.shape)
         if isinstance(self.content, list):
             return [part._evaluate(dtype, names) for part in self.content]  # noqa: SLF001  # of this class
         return self._number(dtype, names)

@@ -157,8 +157,9 @@ class Falsification:
             courses.append(best.cost)
             if best.cost <= 0.0:
                 break
-        if best is not begin and until < math.inf and not self._is_over():
-            self._tried([(best.point, best.settings)])
+        found = best.cost <= 0.0  # which is shown as a whole run whatever has been spent
+        if best is not begin and until < math.inf and (found or not self._is_over()):
+            self._tried([(best.point, best.settings)], more=int(found))
 
     def _sight(self, begin: Trial) -> float:
         """How far a descent looks (s): as far as leaves the margin of its begin as it is, or to the end."""
@@ -170,11 +171,13 @@ class Falsification:
         seen = self._tried([(begin.point, begin.settings)], until)
         return until if seen and seen[0].cost == begin.cost else math.inf
 
-    def _tried(self, places: Sequence[Place], until: float = math.inf, at_once: int = POPULATION) -> list[Trial]:
-        """Run points up to a time (s), as long as there are runs, in batches."""
+    def _tried(
+        self, places: Sequence[Place], until: float = math.inf, at_once: int = POPULATION, more: int = 0
+    ) -> list[Trial]:
+        """Run points up to a time (s), as long as there are runs and so many more, in batches."""
         tried: list[Trial] = []
         for begin in range(0, len(places), at_once):
-            batch = places[begin : begin + at_once][: max(self._runs - self.findings.trials, 0)]
+            batch = places[begin : begin + at_once][: max(self._runs + more - self.findings.trials, 0)]
             rows = self._evaluator.rows([settings for _, settings in batch], until)
             for (point, settings), row in zip(batch, rows, strict=True):
                 self.findings.trials += 1

@@ -74,8 +74,9 @@ def _show(answer: Answer) -> None:
     """Print what is said of one requirement."""
     least, unit = answer.least, f" {answer.unit}" if answer.unit not in ("", "1") else ""
     if answer.check is None:
+        runs = "run" if answer.trials == 1 else "runs"
         near = f"; the smallest margin is {_margin(least.margin)}{unit}, {least.place}" if least else ""
-        screen.print_wrapped(f"{answer.requirement}: no violation in {answer.trials} runs{near}", 2)
+        screen.print_wrapped(f"{answer.requirement}: no violation in {answer.trials} {runs}{near}", 2)
         screen.say("  that does not show that there is none: look longer, from another seed, or over more")
         return
     assert least

@@ -295,3 +295,28 @@ def test_of_several_diagrams_one_has_to_be_named(tmp_path, capsys):
     assert main(["falsify", study, *results, "--variant", "down"]) == 0
     written(tmp_path, RAMP, reach(0.5).replace("search:", "grid: {run.stop: [1, 2]}\nsearch:"))
     assert main(["falsify", study, *results]) == 2 and "has a grid" in capsys.readouterr().err
+
+
+def test_a_violation_that_the_last_run_of_the_budget_finds_is_told(tmp_path, capsys):
+    """x' = -x from 1 on, y = (1 - d²) x, d the distance to a point: y(0) alone decides, so that runs are broken off."""
+    (tmp_path / "own.py").write_text(
+        "from cosim import *\n\nclass Peak(Block):\n    a = Parameter(2)\n    x = State(start=1.0)\n"
+        "    y = Output()\n\n"
+        "    def derivatives(x, d_x):\n        d_x[0] = -x\n\n    def outputs(x, a, y):\n"
+        "        y[0] = (1.0 - (a[0] - 0.37) ** 2 - (a[1] - 0.61) ** 2) * x\n"
+    )
+    study = """
+diagram: diagram.yaml
+requirements: {low: always(peak.y < 0.99998)}
+search: {over: {blocks.peak.parameters.a: {uniform: [0, 1]}}, runs: RUNS}
+"""
+    diagram = "run: {stop: 10, step: 0.1}\nblocks: {peak: {python: 'own.py:Peak', parameters: {a: [0, 0]}}}\n"
+    written(tmp_path, diagram, study.replace("RUNS", "1000"))
+    _, (whole,) = falsify(tmp_path, capsys=capsys)
+    lines = (tmp_path / "results" / "study" / "falsify" / "runs.jsonl").read_text(encoding="utf-8").splitlines()
+    first = next(k for k, row in enumerate(map(json.loads, lines), 1) if (row["metrics"]["low"] or 1.0) <= 0.0)
+    assert whole["violated"] and " until inf" not in json.loads(lines[first - 1])["key"]
+    for runs in range(first, whole["runs"] + 1):
+        written(tmp_path, diagram, study.replace("RUNS", str(runs)))
+        code, (answer,) = falsify(tmp_path, capsys=capsys)
+        assert (code, answer["violated"], answer["margin"]) == (3, True, whole["margin"]), runs

@@ -7,7 +7,8 @@ import pytest
 
 from cosim.engine import run as runs
 from cosim.results import result_file
-from cosim.study import member_run, plan
+from cosim.study import member_run, plan, running, study_file
+from cosim.study.running import Options
 from cosim.study.variants import Variants
 
 SETTINGS = [
@@ -93,3 +94,29 @@ def test_constants_of_inputs_are_values_and_a_wire_in_their_place_is_structure(s
         with result_file.open_result(tmp_path / "one.nc") as result:
             (tmp_path / "again.yaml").write_text(result.attrs["diagram"])
         assert runs.Run(runs.load(tmp_path / "again.yaml")).execute().metrics == row["metrics"]
+
+
+WHOLE = """
+from cosim import *
+
+class Digits(Block):
+    K = Parameter("n", "m", dtype=int)
+    y = Output()
+
+    def outputs(K, y):
+        y[0] = 1000 * K[0, 0] + 100 * K[0, 1] + 10 * K[1, 0] + K[1, 1]
+"""
+
+
+def test_real_numbers_for_a_matrix_of_whole_ones(tmp_path):
+    (tmp_path / "own.py").write_text(WHOLE)
+    np.savez(tmp_path / "k.npz", K=np.array([[9, 8], [7, 6]]))
+    diagram = (
+        "run: {stop: 1, step: 1}\nblocks: {d: {python: 'own.py:Digits', parameters: {K: {file: k.npz, array: K}}}}\n"
+    )
+    (tmp_path / "d.yaml").write_text(diagram + "metrics: {y: {signal: d.y, reduce: final}}\n")
+    assert runs.run(runs.load(tmp_path / "d.yaml").diagram).metrics["y"] == 9876
+    values = "[[[1, 2], [3, 4]], [[5.0, 6.0], [7.0, 8.0]], [[5.0, 6], [7, 8]]]"
+    (tmp_path / "s.yaml").write_text(f"diagram: d.yaml\ngrid: {{blocks.d.parameters.K: {values}}}\n")
+    found = running.run(study_file.load(tmp_path / "s.yaml"), Options(folder=tmp_path / "r"))
+    assert [row["metrics"]["y"] for row in found.rows()] == [1234, 5678, 5678]
