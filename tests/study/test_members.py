@@ -116,7 +116,7 @@ def test_real_numbers_for_a_matrix_of_whole_ones(tmp_path):
     )
     (tmp_path / "d.yaml").write_text(diagram + "metrics: {y: {signal: d.y, reduce: final}}\n")
     assert runs.run(runs.load(tmp_path / "d.yaml").diagram).metrics["y"] == 9876
-    values = "[[[1, 2], [3, 4]], [[5.0, 6.0], [7.0, 8.0]], [[5.0, 6], [7, 8]]]"
+    values = "[[[1, 2], [3, 4]], [[5.0, 6.0], [7.0, 8.0]], [[5.0, 6], [7, 9]]]"
     (tmp_path / "s.yaml").write_text(f"diagram: d.yaml\ngrid: {{blocks.d.parameters.K: {values}}}\n")
     found = running.run(study_file.load(tmp_path / "s.yaml"), Options(folder=tmp_path / "r"))
-    assert [row["metrics"]["y"] for row in found.rows()] == [1234, 5678, 5678]
+    assert [row["metrics"]["y"] for row in found.rows()] == [1234, 5678, 5679]
