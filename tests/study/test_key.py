@@ -137,7 +137,9 @@ def test_every_field_of_all_that_a_run_is_handed_is_in_the_key(study):
     made = Variants(loaded).prepared(one)
 
     def key():
-        return keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program)
+        return keys.key(
+            keys.structure(made.network, made.program, made.kernels), made.program, keys.all_values(made.network)
+        )
 
     before = key()
     seen = []
@@ -200,13 +202,21 @@ def test_a_default_that_is_written_out_changes_no_key(study):
     loaded = study(RECORDED)
     (one,) = plan.members(loaded, None)
     made = Variants(loaded).prepared(one)
-    before = keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program)
+    before = keys.key(
+        keys.structure(made.network, made.program, made.kernels), made.program, keys.all_values(made.network)
+    )
     for component in made.network.components.values():
         component.entry.settings["integrator"] = Node("euler", Position("d.yaml"))
         component.entry.settings["inner_steps"] = Node(1, Position("d.yaml"))
-    assert keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program) == before
+    assert (
+        keys.key(keys.structure(made.network, made.program, made.kernels), made.program, keys.all_values(made.network))
+        == before
+    )
     component.entry.settings["mode"] = Node("model-exchange", Position("d.yaml"))
-    assert keys.key(keys.structure(made.network, made.program, made.kernels), made.network, made.program) != before
+    assert (
+        keys.key(keys.structure(made.network, made.program, made.kernels), made.program, keys.all_values(made.network))
+        != before
+    )
 
 
 def test_the_content_of_a_table_is_in_the_key(of, tmp_path):

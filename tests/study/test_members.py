@@ -39,7 +39,7 @@ def test_fast_members_give_the_bits_of_a_full_load(study, tmp_path, path, value)
     variants = Variants(loaded)
     first, second = plan.members(loaded, None)
     variants.prepared(first)  # the template, which the second one is made from where it can be
-    row = member_run.run(variants, second, None, lambda time: None)
+    row = member_run.run(variants, second, None)
     network = runs.load(tmp_path / "diagram.yaml", [f"{path}={json.dumps(value)}", "record.signals=[]"])
     expected = runs.Run(network).execute()
     assert row["metrics"] == expected.metrics
@@ -59,7 +59,7 @@ def test_recorded_members_say_which_diagram_they_come_from(study, tmp_path):
 
     loaded = study("{diagram: diagram.yaml, record: true, grid: {blocks.swing.parameters.w: [1, 4]}}")
     _, second = plan.members(loaded, None)
-    row = member_run.run(Variants(loaded), second, tmp_path / "one.nc", lambda time: None)
+    row = member_run.run(Variants(loaded), second, tmp_path / "one.nc")
     with open_result(tmp_path / "one.nc") as result:
         (tmp_path / "again.yaml").write_text(result.attrs["diagram"])
         swing = result["swing.x"]
@@ -88,7 +88,7 @@ def test_constants_of_inputs_are_values_and_a_wire_in_their_place_is_structure(s
     assert len({variants.prepared(member).key for member in members}) == 4
     assert len(variants._templates) == 3  # a list, a wire, one number for all
     for member, value in zip(members, values, strict=True):
-        row = member_run.run(variants, member, tmp_path / "one.nc", lambda time: None)
+        row = member_run.run(variants, member, tmp_path / "one.nc")
         alone = runs.Run(runs.load(tmp_path / "diagram.yaml", [f"blocks.lag.inputs.u={value}"])).execute()
         assert row["metrics"] == alone.metrics
         with result_file.open_result(tmp_path / "one.nc") as result:
