@@ -97,7 +97,9 @@ def values(network: Network, signals: Iterable[Signal]) -> dict[Signal, bytes]:
 
 def all_values(network: Network) -> dict[Signal, bytes]:
     """The digests of all of a network's values, in one order however they came there."""
-    return values(network, (Signal(c.name, name) for c in network.components.values() for name in c.values))
+    return values(
+        network, (Signal(c, name) for c, component in network.components.items() for name in component.values)
+    )
 
 
 def key(shared: bytes, program: Program, digests: Mapping[Signal, bytes]) -> str:
