@@ -316,7 +316,7 @@ search: {over: {blocks.peak.parameters.a: {uniform: [0, 1]}}, runs: RUNS}
     lines = (tmp_path / "results" / "study" / "falsify" / "runs.jsonl").read_text(encoding="utf-8").splitlines()
     first = next(k for k, row in enumerate(map(json.loads, lines), 1) if (row["metrics"]["low"] or 1.0) <= 0.0)
     assert whole["violated"] and " until inf" not in json.loads(lines[first - 1])["key"]
-    for runs in range(first, whole["runs"] + 1):
+    for runs in (whole["runs"] - 1, whole["runs"]):
         written(tmp_path, diagram, study.replace("RUNS", str(runs)))
         code, (answer,) = falsify(tmp_path, capsys=capsys)
         assert (code, answer["violated"], answer["margin"]) == (3, True, whole["margin"]), runs
