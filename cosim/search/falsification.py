@@ -144,19 +144,17 @@ class Falsification:
         until = self._sight(begin)
         strategy = descent.strategy(begin.point, SPREAD, int(self._random.integers(1, 2**31)), GENERATIONS)
         best, courses, typical = begin, [begin.cost], math.inf
-        while not (strategy.stop() or _stands_still(courses, typical) or self._is_over()):
+        while best.cost > 0.0 and not (strategy.stop() or _stands_still(courses, typical) or self._is_over()):
             places = [*filter(None, (self._accepted(lambda: strategy.ask(1)[0]) for _ in range(POPULATION)))]
             trials = self._tried(places, until)
+            best = min([best, *trials], key=lambda t: t.cost)
             if len(trials) < POPULATION // 2:  # nearly nothing is accepted there, or all runs are spent
                 break
             strategy.tell([np.array(t.point) for t in trials], [t.cost for t in trials])
             typical = float(np.median([t.cost for t in trials]))
-            if not len(courses) % ELSEWHERE and min(t.cost for t in trials) > 0.0:
-                trials += self._tried(self._elsewhere(), until)
-            best = min(best, *trials, key=lambda t: t.cost)
+            if best.cost > 0.0 and not len(courses) % ELSEWHERE:
+                best = min([best, *self._tried(self._elsewhere(), until)], key=lambda t: t.cost)
             courses.append(best.cost)
-            if best.cost <= 0.0:
-                break
         found = best.cost <= 0.0  # which is shown as a whole run whatever has been spent
         if best is not begin and until < math.inf and (found or not self._is_over()):
             self._tried([(best.point, best.settings)], more=int(found))
