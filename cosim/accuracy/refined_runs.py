@@ -17,7 +17,7 @@ from cosim.engine.outcome import Outcome
 from cosim.engine.program import Program
 from cosim.engine.run import ENGINES, Run
 from cosim.errors import CosimError, DiagramErrors, ResultError
-from cosim.machine import parallel
+from cosim.machine import parallel, supervision
 from cosim.machine.interruption import Interrupted
 from cosim.wiring.network import Network
 
@@ -79,7 +79,7 @@ class RefinedRuns:
         stop = threading.Event()
         with parallel.threads(count) as executor:
             try:
-                futures = {r: executor.submit(self._observation, r, run, stop) for r, run in runs.items()}
+                futures = {r: executor.submit(self._observation, r, run, stop.is_set) for r, run in runs.items()}
                 return {refinement: future.result() for refinement, future in futures.items()}
             except BaseException:
                 stop.set()
@@ -111,15 +111,15 @@ class RefinedRuns:
                     module.load()
         return compilation.fitting(self._kernels, built)
 
-    def _observation(self, refinement: Refinement, run: Run, stop: threading.Event | None = None) -> Observation:
+    def _observation(
+        self, refinement: Refinement, run: Run, stopped: Callable[[], bool] = supervision.never
+    ) -> Observation:
         def watch(time: float) -> None:
-            if stop and stop.is_set():
-                raise KeyboardInterrupt
             with self._lock:
                 self._passed[refinement] = time * refinement.cost
                 self._watch(sum(self._passed.values()), self._total)
 
-        outcome = run.execute(watch)
+        outcome = run.execute(watch, stopped)
         if outcome.status == "interrupted":
             raise Interrupted(outcome.signal or signal.SIGINT)
         if isinstance(outcome.error, ResultError):  # which says nothing of the step

@@ -313,6 +313,5 @@ class _Beginnings:
         simulation = self._simulations[key]
         simulation.arena[:] = prepared.program.arena
         simulation.initialize()
-        if prepared.network.has_foreign:
-            simulation.close()
+        simulation.close()
         return simulation
