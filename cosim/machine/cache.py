@@ -144,7 +144,8 @@ def toolchain() -> tuple[str, ...]:
 @cache
 def _versions() -> tuple[str, ...]:
     own = b"".join((Path(__file__).parents[1] / f"{name}.py").read_bytes() for name in COMPILING)
-    return (*map(distributions.version, ("numba", "llvmlite", "numpy")), sys.version, hashlib.sha256(own).hexdigest())
+    compilers = distributions.versions("numba", "llvmlite", "numpy")
+    return (*compilers.values(), sys.version, hashlib.sha256(own).hexdigest())
 
 
 def read(name: str) -> bytes | None:

@@ -88,10 +88,11 @@ def entry_points(group: str) -> list[EntryPoint]:
     return [point for distribution in everywhere().values() for point in distribution.entry_points(group)]
 
 
-def version(name: str) -> str:
-    """The version of what is installed under a name; "" where there is none."""
-    found = everywhere().get(_normalized(name))
-    return found.version if found else ""
+def versions(*names: str) -> dict[str, str]:
+    """The version of what is installed under each of some names; "" where there is none."""
+    there = everywhere()
+    found = {name: there.get(_normalized(name)) for name in names}
+    return {name: one.version if one else "" for name, one in found.items()}
 
 
 def _normalized(name: str) -> str:

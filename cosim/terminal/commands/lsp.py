@@ -30,5 +30,5 @@ def run(_: argparse.Namespace) -> int:
     sys.stdout.flush()
     with os.fdopen(os.dup(0), "rb") as asked, os.fdopen(os.dup(1), "wb") as answered:
         os.dup2(2, 1)
-        server.serve(asked, answered, distributions.version("cosim"))
+        server.serve(asked, answered, distributions.versions("cosim")["cosim"])
     return DONE
