@@ -34,33 +34,23 @@ def fold(time: float, base: int, frame: int) -> int:  # noqa: ARG001
         results = reals_at(f[RESULTS] + 8 * row * parts, parts)
         for part in range(parts):
             values = reals_at(f[VALUES] + row * f[ROW_BYTES] + part * f[PART_BYTES], size)
-            if kind == LARGEST:
-                results[part] = largest(values, sizes)
-            elif kind == SMALLEST:
-                results[part] = -largest_negative(values, sizes)
+            if kind == TOTAL:
+                results[part] = total(values)
+            elif kind == LENGTH:
+                results[part] = math.sqrt(total_of_squares(values))
             else:
-                results[part] = total(values) if kind == TOTAL else math.sqrt(total_of_squares(values))
+                results[part] = extreme(values, sizes, 1.0 if kind == LARGEST else -1.0)
     return 0
 
 
-def largest(values: Any, sizes: bool) -> float:
-    """The largest element, or size of one; no number if one is none."""
+def extreme(values: Any, sizes: bool, sign: float) -> float:
+    """The largest element, or size of one, with sign -1 the smallest; no number if one is none."""
     found, whole = -math.inf, True
     for k in range(values.size):
-        value = abs(values[k]) if sizes else values[k]
+        value = sign * (abs(values[k]) if sizes else values[k])
         found = max(found, value)
         whole &= value == value  # noqa: PLR0124  # which no comparison with others tells
-    return float(found) if whole else math.nan
-
-
-def largest_negative(values: Any, sizes: bool) -> float:
-    """The same of the negatives."""
-    found, whole = -math.inf, True
-    for k in range(values.size):
-        value = -abs(values[k]) if sizes else -values[k]
-        found = max(found, value)
-        whole &= value == value  # noqa: PLR0124  # which no comparison with others tells
-    return float(found) if whole else math.nan
+    return sign * float(found) if whole else math.nan
 
 
 def total(values: Any) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class Operators:
         self._address = self._times.ctypes.data
         steps = self._times[1:] - self._times[:-1]
         self._even = len(steps) > 0 and bool(np.max(steps) - np.min(steps) <= EVEN * steps[0])
-        self._window = cache(self._window_of)  # the same of all that a formula compares
+        self._windows: dict[tuple[int, float, float, bool], tuple[int, int]] = {}  # the same of all that is compared
 
     def lowest(self, course: Array, start: float, stop: float) -> Array:
         """The lowest within [start, stop] (s) from each sample on; infinite where there is no sample."""
@@ -70,6 +70,12 @@ class Operators:
         )
         kernel(function, self._native)(0.0, 0, at)
         return words[extrema.FRAME_WORDS : behind].reshape(left.shape)
+
+    def _window(self, *asked: Any) -> tuple[int, int]:
+        """As of `_window_of`, which is asked once."""
+        if asked not in self._windows:
+            self._windows[asked] = self._window_of(*asked)
+        return self._windows[asked]
 
     def _window_of(self, size: int, start: float, stop: float, without_end: bool) -> tuple[int, int]:
         """A window's first sample from now on, and how many it has, if that is the same from all samples on; else 0."""

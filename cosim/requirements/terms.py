@@ -196,8 +196,10 @@ def _overall(name: str, argument: Term, scope: Scope) -> Quantity:
     left = 1 if members else 0
     if len(whole.shape) == left:
         return whole if name != "norm" else replace(whole, of=lambda samples: np.abs(whole.of(samples)))
-    sizes = name in ("max", "min") and isinstance(argument, Operation) and argument.name == "abs"
-    of = quantity(argument.arguments[0], scope).of if sizes and isinstance(argument, Operation) else whole.of
+    of, sizes = whole.of, False
+    match argument:
+        case Operation("abs", [inner], _) if name in ("max", "min"):  # in the same pass
+            of, sizes = quantity(inner, scope).of, True
     function, kind, count = kernel(fold, scope.native), _OVERALL[name], math.prod(whole.shape[left:])
 
     def overall(samples: Samples) -> Array:

@@ -132,9 +132,7 @@ def _unit(measured: Measured, network: Network) -> str:
         return required.seen(network, network.find(text, measured.node.place))
 
     try:
-        found = terms.signal(
-            Mention(measured.signal, measured.index, 0), Scope(look, lambda at: measured.node.place, True)
-        )
+        found = terms.signal(Mention(measured.signal, measured.index, 0), Scope(look, lambda at: measured.node.place))
     except FormulaError as error:
         raise _placed(error, measured) from None
     if found.shape:
