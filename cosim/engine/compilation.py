@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +18,8 @@ from cosim.errors import DeclarationError, DiagramErrors, KernelError, Problems
 from cosim.master import tables
 from cosim.wiring.network import Component
 
+T = TypeVar("T")
+
 
 def compile_program(program: Program) -> Kernels:
     """The compiled loop and the kernels of all components of a program, each block type once.
@@ -27,14 +31,16 @@ def compile_program(program: Program) -> Kernels:
         key = (id(component.declaration), component.count >= LEAST, *component.constants().items())
         kinds.setdefault(key, []).append(component)
     problems = Problems()
-    wanted = [_attempted(_wanted, components[0], problems, components[0]) for components in kinds.values()]
+    wanted = [_attempted(partial(_wanted, components[0]), components[0], problems) for components in kinds.values()]
     loop = loop_code.wanted(_is_plain(program))
     found = iter(kernels.side_by_side([loop, *filter(None, wanted)]))
     loop_found = next(found)
     modules: dict[str, Module | None] = {}
     for components, each in zip(kinds.values(), wanted, strict=True):
-        made = each and (next(found) or _attempted(kernels.module, components[0], problems, each))
-        modules |= dict.fromkeys((component.name for component in components), made)
+        made = None
+        if each is not None:
+            made = next(found) or _attempted(partial(kernels.module, each), components[0], problems)
+        modules |= {component.name: made for component in components}
     problems.raise_if_any()
     return Kernels({name: modules[name] for name in program.network.components}, loop_found or kernels.module(loop))
 
@@ -60,10 +66,10 @@ def _wanted(component: Component) -> ModuleSources | None:
     return kernels.block_sources(component.declaration, component.constants(), component.count >= LEAST)
 
 
-def _attempted(stage: Any, component: Component, problems: Problems, given: Any) -> Any:
+def _attempted(stage: Callable[[], T], component: Component, problems: Problems) -> T | None:
     """What a stage returns for a component's type; None where there are mistakes, which are kept."""
     try:
-        return stage(given)
+        return stage()
     except (KernelError, DeclarationError, DiagramErrors) as error:
         for mistake in error.each:
             place = mistake.position or component.entry.type.position

@@ -86,10 +86,16 @@ def read(node: Node) -> FromFile:
     return FromFile(path, tuple((k, said[k].value) for k in ("column", "array") if k in said), digest, array)
 
 
-def listed(node: Node) -> Node:
-    """An array, also one of a file, as the list that it would be in the diagram; any other value as it is."""
+def array_of(node: Node) -> np.ndarray | None:
+    """The array that a node has, also one of a file; None for any other value."""
     array = node.value.array if isinstance(node.value, FromFile) else node.value
-    return _as_node(array.tolist(), node.position) if isinstance(array, np.ndarray) else node
+    return array if isinstance(array, np.ndarray) else None
+
+
+def listed(node: Node) -> Node:
+    """An array as the list that it would be in the diagram; any other value as it is."""
+    array = array_of(node)
+    return node if array is None else _as_node(array.tolist(), node.position)
 
 
 def _as_node(value: Any, position: Position) -> Node:

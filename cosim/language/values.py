@@ -11,7 +11,7 @@ import numpy as np
 
 from cosim.errors import ExpressionError, Position, WrongShape, WrongType, WrongValue, nearest
 from cosim.language import expression
-from cosim.language.data_files import FromFile
+from cosim.language.data_files import array_of
 from cosim.language.source import Node
 
 
@@ -41,8 +41,7 @@ class Value:
                 fix = f"give every row the shape {parts[0].shape}"
                 raise WrongShape(f"{name}: the rows of the list differ in length", ragged.position, fix)
             return cls(parts, (len(parts), *(parts[0].shape if parts else ())), node.position)
-        if isinstance(node.value, FromFile | np.ndarray):
-            array = node.value.array if isinstance(node.value, FromFile) else node.value
+        if (array := array_of(node)) is not None:
             return cls(array if array.ndim else array.item(), array.shape, node.position)
         if isinstance(node.value, dict) or node.value is None:
             kind = "a mapping" if isinstance(node.value, dict) else "nothing"
