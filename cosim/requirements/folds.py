@@ -73,7 +73,7 @@ def folded(kernel: Kernel, kind: int, samples: Array, left: int, sizes: bool = F
     """Samples (k, *parts, *shape) as one number of each part (k, *parts). left: how many axes there are of parts."""
     parts = samples.shape[1 : 1 + left]
     flat = samples.reshape(len(samples), math.prod(parts), math.prod(samples.shape[1 + left :]))
-    if flat.shape[-1] > FEW or not len(flat):
+    if flat.shape[-1] > FEW:
         return _by_numpy(kind, np.abs(flat) if sizes else flat).reshape(len(samples), *parts)
     if flat.strides[-1] != flat.itemsize:
         flat = np.ascontiguousarray(flat)
