@@ -8,7 +8,7 @@
 
 A descent looks no further along its runs than it has to: twice as far as what decides its begin's margin. What such a
 run has seen bounds the margin of the whole run from above, so a violation in it is one of the whole run; the best of
-each descent is run as a whole.
+each descent is run as a whole. What a descent asks for beyond the space is moved onto its bounds, which so are searched too.
 
 Hansen, The CMA evolution strategy: a tutorial, arXiv:1604.00772. All that is random comes from the seed, and no run's
 result depends on how many are under way at once, so the same search gives the same runs.
@@ -142,7 +142,8 @@ class Falsification:
     def _descend(self, begin: Trial) -> None:
         """CMA-ES from a run's point, until it stands still."""
         until = self._sight(begin)
-        strategy = descent.strategy(begin.point, SPREAD, int(self._random.integers(1, 2**31)), GENERATIONS)
+        seed = int(self._random.integers(1, 2**31))
+        strategy = descent.strategy(begin.point, SPREAD, seed, GENERATIONS, onto_bounds=True)
         best, courses, typical = begin, [begin.cost], math.inf
         while best.cost > 0.0 and not (strategy.stop() or _stands_still(courses, typical) or self._is_over()):
             places = [*filter(None, (self._accepted(lambda: strategy.ask(1)[0]) for _ in range(POPULATION)))]

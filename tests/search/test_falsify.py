@@ -110,6 +110,34 @@ def test_a_valley_without_an_exit_does_not_take_all_runs(tmp_path, capsys):
     assert 49 < answer["runs"] < 2000
 
 
+EDGE = """
+from cosim import Block, Output, Parameter
+
+
+class Edge(Block):
+    p = Parameter(8)
+    g = Output()
+
+    def outputs(p, g):
+        far = 0.0
+        for k in range(4):
+            far += p[k] + max(abs(p[4 + k] - 0.5) - 0.2, 0.0)
+        g[0] = far if far > 0.0 else -1.0
+"""
+
+
+def test_a_violation_at_bounds_of_some_coordinates_and_within_those_of_others_is_found(tmp_path, capsys):
+    """Only where four coordinates are 0 exactly, and four lie in 0.3 … 0.7: no corner, and no point by chance."""
+    (tmp_path / "own.py").write_text(EDGE)
+    blocks = "blocks: {valley: {python: 'own.py:Edge', parameters: {p: [1, 1, 1, 1, 0, 0, 0, 0]}}}\n"
+    written(tmp_path, "run: {stop: 1, step: 1}\n" + blocks, TRAP)
+    code, (answer,) = falsify(tmp_path, capsys=capsys)
+    assert (code, answer["verdict"], answer["margin"]) == (3, "real", -1.0)
+    values = answer["values"]["blocks.valley.parameters.p"]
+    assert values[:4] == [0, 0, 0, 0]
+    assert all(0.3 <= value <= 0.7 for value in values[4:])
+
+
 def test_what_cannot_be_violated_is_not_found_and_nothing_is_claimed(tmp_path, capsys):
     written(tmp_path, RAMP, reach(-0.05))
     code, (answer,) = falsify(tmp_path, capsys=capsys)
