@@ -11,6 +11,7 @@ import numpy as np
 from cosim.engine import faults
 from cosim.engine.allocation import Place
 from cosim.engine.writer import Call
+from cosim.machine.interruption import Interrupted
 from cosim.master import tables
 
 TEXT_BYTES = 1024  # of what a function that raised says
@@ -49,7 +50,9 @@ def python_of(
             with np.errstate(all="ignore"):
                 for instance in range(call.count):
                     python(*[np.float64(time) if a is None else a[instance]() for a in arguments], *work)
-        except (Exception, SystemExit) as error:  # noqa: BLE001  # an exit would be lost, and the run go on
+        except Interrupted:  # a user's, of a run that this thread interprets
+            raise
+        except BaseException as error:  # noqa: BLE001  # an author's exit would be lost, and the run go on
             faults.leave(arena.ctypes.data + call.frame, texts, error, time, instance)
             causes.append(error)
             return tables.ERROR

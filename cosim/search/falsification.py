@@ -8,7 +8,8 @@
 
 A descent looks no further along its runs than it has to: twice as far as what decides its begin's margin. What such a
 run has seen bounds the margin of the whole run from above, so a violation in it is one of the whole run; the best of
-each descent is run as a whole. What a descent asks for beyond the space is moved onto its bounds, which so are searched too.
+each descent is run as a whole. What a descent asks for beyond the space is moved onto its bounds, which so are
+searched too.
 
 Hansen, The CMA evolution strategy: a tutorial, arXiv:1604.00772. All that is random comes from the seed, and no run's
 result depends on how many are under way at once, so the same search gives the same runs.

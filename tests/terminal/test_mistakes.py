@@ -473,16 +473,17 @@ def test_code_that_exits_is_a_mistake_at_its_line(write, tmp_path, monkeypatch, 
     assert command == "check" or '"status": "failed"' in out
 
 
-def test_plain_python_that_exits_stops_the_run(write, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("leaves", ["SystemExit", "KeyboardInterrupt", "GeneratorExit"])
+def test_plain_python_that_exits_stops_the_run(leaves, write, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.py").write_text(
         "from cosim import Block, Output\nclass Odd(Block, compiled=False):\n    y = Output()\n"
-        "    def outputs(time, y):\n        y[0] = time\n        if time > 0.5:\n            raise SystemExit(0)\n"
+        f"    def outputs(time, y):\n        y[0] = time\n        if time > 0.5:\n            raise {leaves}(0)\n"
     )
     write("run: {stop: 1, step: 0.1}\nblocks:\n  one: {python: own.py:Odd}\n")
     for engine in ("native", "python"):
         assert cli.main(["run", "diagram.yaml", "--engine", engine]) == 1
-        assert "block one: outputs() failed at t = 0.6 s: SystemExit: 0" in capsys.readouterr().err
+        assert f"block one: outputs() failed at t = 0.6 s: {leaves}: 0" in capsys.readouterr().err
 
 
 def test_without_code_no_python_file_is_run_and_the_rest_is_checked(write, tmp_path, capsys):
