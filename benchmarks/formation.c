@@ -5,6 +5,9 @@
    program can share and independent blocks cannot is shared here: the sine of the reference, the sine and cosine of a
    heading, the distances of the pairs, the tracking errors, and every constant.
 
+   Compiled with -DROBOTS=1000, it is 10 s of the fleet of diagrams/fleet_1000.yaml: who is near whom is listed with a
+   skin as cosim does, and searched anew only when a robot has moved by half of that.
+
    Prints one JSON object: the seconds of the loop and the metrics. Equation numbers are the paper's. */
 
 #include <math.h>
@@ -14,20 +17,32 @@
 #include <string.h>
 #include <time.h>
 
-enum { N = 6, DIM = 3, NEURONS = 8, BANDS = 5, CAPACITY = 8, STEPS = 30000, RECORD_EVERY = 10 };
+#ifdef ROBOTS
+enum { N = ROBOTS, STEPS = 10000, RECORD_EVERY = 100, FROM = 5000, TO = 10000 };
+#else
+enum { N = 6, STEPS = 30000, RECORD_EVERY = 10, FROM = 10000, TO = 20000 };
+#endif
+enum { DIM = 3, NEURONS = 8, BANDS = 5, CAPACITY = 8 };
 enum { RECORDED = 6 * N * DIM + N * CAPACITY + 8 };
 
 #define PI 3.141592653589793
 
 static const double H = 1.0e-3;
+#ifdef ROBOTS
+static double MASS[N], RADIUS[N], INERTIA[N], CIRCLE;
+static int HEARS[N];
+static const double WIDTH = 500;
+#else
 static const double MASS[N] = {4.8, 5.5, 4.5, 5.8, 5.3, 5.0};
 static const double RADIUS[N] = {0.24, 0.30, 0.23, 0.31, 0.28, 0.25};
 static const double INERTIA[N] = {0.15, 0.25, 0.12, 0.29, 0.21, 0.15};
 static const int HEARS[N] = {3, 2, 0, 4, 5, 1}; /* numbers from 0 */
+static const double CIRCLE = 1.8, WIDTH = 8;
+#endif
 
-static const double CIRCLE = 1.8, SPEED = 0.2, AMPLITUDE = 1.0, FREQUENCY = 0.3; /* reference (43) */
+static const double SPEED = 0.2, AMPLITUDE = 1.0, FREQUENCY = 0.3; /* reference (43) */
 static const double ETA[4] = {6, 8, 8, 6}, LIPSCHITZ = 0.03;                     /* differentiator (29) */
-static const double ALPHA_1 = 8, ALPHA_2 = 8, WIDTH = 8;                         /* observer (10) */
+static const double ALPHA_1 = 8, ALPHA_2 = 8;                                    /* observer (10) */
 static const double GAMMA_1[BANDS] = {1, 5, 50, 200, 10000}, GAMMA_2[BANDS] = {0.05, 0.25, 5, 20, 100};
 static const double FIRST_CENTRE = -2, SPACING = 1;
 static const double R_C = 1.5, ETA_1 = 0.2, ETA_2 = 14, ETA_3 = 1.1;             /* topology (5), (44) */
@@ -35,8 +50,12 @@ static const double ALPHA = 2, EPSILON_1 = 1.1, EPSILON_2 = 2;                  
 static const double C = 2, LAMBDA = 2, B = 2;                                    /* controller (33) */
 
 /* States. */
+#ifdef ROBOTS
+static double x[N][DIM];
+#else
 static double x[N][DIM] = {{1.8, 0.1, 0},         {-0.9, 0.6, PI / 3},  {-0.7, 2.3, -PI / 3},
                            {0.8, -0.5, PI / 2}, {-0.1, -1.3, PI / 4}, {1.5, 1.5, -PI / 4}};
+#endif
 static double v[N][DIM], x_hat[N][DIM], v_hat[N][DIM], W_hat[N][NEURONS][DIM];
 static double xi_1[N][DIM], xi_2[N][DIM], xi_3[N][DIM], xi_4[N][DIM];
 
@@ -50,14 +69,15 @@ static double s_1[N][DIM], s_2[N][DIM], phi[N][NEURONS], w_hat[N][DIM];
 static double delta_x[N][DIM], delta_v[N][DIM], e_x[N][DIM], e_v[N][DIM], s_hat[N][DIM];
 static double weights[N][CAPACITY];
 static int neighbours[N][CAPACITY], count[N];
-static double distance[N][N];
+static double distance[N][CAPACITY]; /* of a neighbour */
 static double recorded[STEPS / RECORD_EVERY + 1][RECORDED];
 
 /* Figures. */
 static double N_x, N_v, N_w, norm_delta_x, norm_e_x, norm_S, norm_S_hat, min_gap;
 static double highest[N], L_2, dL_2, max_L_2, max_dL_2, least_coverage = INFINITY;
 static double max_N_x, max_N_v, max_N_w, max_delta_x, max_e_x, max_S, smallest_gap = INFINITY;
-static double collided[N][N], unsafe[N]; /* first time; NaN: never */
+static bool collided[N][N];
+static double unsafe[N]; /* first time; NaN: never */
 
 /* The cube root: see blocks/cube_root.py. Faster than libm's, and the same bits as the block's. */
 static const double LOWEST = 1e-280, HIGHEST = 1e280;
@@ -94,7 +114,27 @@ static inline void cube_roots(const double *e, double *roots) {
         for (int q = 0; q < DIM; q++) roots[q] = cube_root(fabs(e[q]));
 }
 
+#ifdef ROBOTS
+static void lay_out(void) { /* as the fleet's diagram has it, with numbers from 1 */
+    CIRCLE = 1.8 * N / (2 * PI);
+    for (int i = 0; i < N; i++) {
+        int number = i + 1;
+        double turn = cos(PI * number), angle = 2 * PI * (number + turn) / N;
+        MASS[i] = 4.5 + number % 14 / 10.0;
+        RADIUS[i] = 0.23 + number % 9 / 100.0;
+        INERTIA[i] = 0.12 + number % 18 / 100.0;
+        HEARS[i] = number % N;
+        x[i][0] = (CIRCLE + 0.2 * turn) * cos(angle);
+        x[i][1] = (CIRCLE + 0.2 * turn) * sin(angle);
+        x[i][2] = PI * sin(3.0 * number);
+    }
+}
+#else
+static void lay_out(void) {}
+#endif
+
 static void initialize(void) {
+    lay_out();
     double root = sqrt(LIPSCHITZ);
     gains[0] = ETA[0] * sqrt(root);
     double two_thirds = cube_root(gains[0]);
@@ -113,7 +153,6 @@ static void initialize(void) {
         xi_1[i][0] = place[i][0];
         xi_1[i][1] = place[i][1];
         unsafe[i] = NAN;
-        for (int j = 0; j < N; j++) collided[i][j] = NAN;
     }
 }
 
@@ -158,30 +197,106 @@ static double fading_weight(double d) { /* (44) */
     return ETA_1 * near / (1.0 + near);
 }
 
-static void topology(double time) { /* (5), and the smallest gap of all pairs */
-    static double fading[N][N];
-    min_gap = INFINITY;
+static inline double apart(int i, int j) {
+    double dx = x[i][0] - x[j][0], dy = x[i][1] - x[j][1];
+    return sqrt(dx * dx + dy * dy);
+}
+
+static inline void look_at_gap(int i, int j, double d) {
+    double gap = d - RADIUS[i] - RADIUS[j];
+    min_gap = gap < min_gap ? gap : min_gap;
+    if (gap <= 0.0) collided[i][j] = true;
+}
+
+static inline void add_neighbour(int i, int j, double d, double fading) {
+    if (HEARS[i] != j && d > R_C) return;
+    int n = count[i]++;
+    neighbours[i][n] = j;
+    distance[i][n] = d;
+    weights[i][n] = HEARS[i] == j ? 1.0 : fading;
+}
+
+#ifdef ROBOTS
+/* Pairs i < j that are nearer than the range and the skin, or of which one hears the other, ordered by i, then j. */
+enum { LISTED = 16, SIDE = 1024, CELLS = SIDE * SIDE };
+static const double SKIN = 0.3;
+static double searched[N][2];
+static int listed[N][LISTED], listed_count[N], head[CELLS], following[N], cell_of[N];
+static bool has_list;
+
+static inline int cell(int i, int dx, int dy) {
+    double size = R_C + SKIN;
+    int a = (int)floor(x[i][0] / size) + dx, b = (int)floor(x[i][1] / size) + dy;
+    return (a & (SIDE - 1)) * SIDE + (b & (SIDE - 1));
+}
+
+static void list(int i, int j) {
+    int n = listed_count[i]++;
+    while (n > 0 && listed[i][n - 1] > j) listed[i][n] = listed[i][n - 1], n--;
+    listed[i][n] = j;
+}
+
+static void search(void) {
     for (int i = 0; i < N; i++) {
+        if (has_list) head[cell_of[i]] = 0;
+        listed_count[i] = 0;
+    }
+    for (int i = 0; i < N; i++) {
+        searched[i][0] = x[i][0];
+        searched[i][1] = x[i][1];
+        cell_of[i] = cell(i, 0, 0);
+        following[i] = head[cell_of[i]];
+        head[cell_of[i]] = i + 1;
+    }
+    for (int i = 0; i < N; i++) {
+        for (int dx = -1; dx <= 1; dx++)
+            for (int dy = -1; dy <= 1; dy++)
+                for (int j = head[cell(i, dx, dy)] - 1; j >= 0; j = following[j] - 1)
+                    if (i < j && apart(i, j) <= R_C + SKIN && HEARS[i] != j && HEARS[j] != i) list(i, j);
+        int h = HEARS[i];
+        if (HEARS[h] != i || i < h) list(i < h ? i : h, i < h ? h : i);
+    }
+    has_list = true;
+}
+
+static bool is_current(void) {
+    const double most = 0.25 * SKIN * SKIN;
+    for (int i = 0; i < N; i++) {
+        double dx = x[i][0] - searched[i][0], dy = x[i][1] - searched[i][1];
+        if (!(dx * dx + dy * dy < most)) return false;
+    }
+    return has_list;
+}
+
+static void pairs(void) {
+    if (!is_current()) search();
+    for (int i = 0; i < N; i++)
+        for (int k = 0; k < listed_count[i]; k++) {
+            int j = listed[i][k];
+            double d = apart(i, j), fading = d <= R_C ? fading_weight(d) : 0.0;
+            look_at_gap(i, j, d);
+            add_neighbour(i, j, d, fading);
+            add_neighbour(j, i, d, fading);
+        }
+}
+#else
+static void pairs(void) {
+    for (int i = 0; i < N; i++)
         for (int j = i + 1; j < N; j++) {
-            double dx = x[i][0] - x[j][0], dy = x[i][1] - x[j][1];
-            double d = sqrt(dx * dx + dy * dy);
-            distance[i][j] = distance[j][i] = d;
-            if (d <= R_C) fading[i][j] = fading[j][i] = fading_weight(d);
-            double gap = d - RADIUS[i] - RADIUS[j];
-            min_gap = gap < min_gap ? gap : min_gap;
-            if (gap <= 0.0 && isnan(collided[i][j])) collided[i][j] = time;
+            double d = apart(i, j), fading = d <= R_C ? fading_weight(d) : 0.0;
+            look_at_gap(i, j, d);
+            add_neighbour(i, j, d, fading);
+            add_neighbour(j, i, d, fading);
         }
-    }
-    for (int i = 0; i < N; i++) {
-        int n = 0;
-        for (int j = 0; j < N; j++) {
-            if (j == i || (HEARS[i] != j && distance[i][j] > R_C)) continue;
-            neighbours[i][n] = j;
-            weights[i][n++] = HEARS[i] == j ? 1.0 : fading[i][j];
-        }
-        count[i] = n;
-        while (n < CAPACITY) weights[i][n++] = 0.0;
-    }
+}
+#endif
+
+static void topology(void) { /* (5), and the smallest gap of all pairs */
+    min_gap = INFINITY;
+    for (int i = 0; i < N; i++) count[i] = 0;
+    pairs();
+    for (int i = 0; i < N; i++)
+        for (int n = count[i]; n < CAPACITY; n++) weights[i][n] = 0.0;
 }
 
 static void potential_field(double time) { /* (9) */
@@ -189,7 +304,7 @@ static void potential_field(double time) { /* (9) */
         F[i][0] = F[i][1] = 0.0;
         for (int k = 0; k < count[i]; k++) {
             int j = neighbours[i][k];
-            double both = RADIUS[i] + RADIUS[j], d = distance[i][j];
+            double both = RADIUS[i] + RADIUS[j], d = distance[i][k];
             double lower = EPSILON_1 * both, outer = EPSILON_2 * both;
             if (d <= lower) {
                 if (isnan(unsafe[i])) unsafe[i] = time;
@@ -326,7 +441,7 @@ static void topology_rate(void) { /* norms of L_2 and of its derivative */
             double a = weights[i][k];
             if (a == 1.0) continue;
             double across = (x[i][0] - x[j][0]) * (v[i][0] - v[j][0]) + (x[i][1] - x[j][1]) * (v[i][1] - v[j][1]);
-            double rate = distance[i][j] > 0.0 ? -ETA_2 * a * (1.0 - a / ETA_1) * across / distance[i][j] : 0.0;
+            double d = distance[i][k], rate = d > 0.0 ? -ETA_2 * a * (1.0 - a / ETA_1) * across / d : 0.0;
             degree += a;
             rate_of_degree += rate;
             square += a * a;
@@ -358,11 +473,11 @@ static void measure(int k) {
     max_L_2 = larger(max_L_2, L_2);
     max_dL_2 = larger(max_dL_2, dL_2);
     for (int i = 0; i < N; i++) least_coverage = highest[i] < least_coverage ? highest[i] : least_coverage;
-    if (k >= 10000) {
+    if (k >= FROM) {
         max_delta_x = larger(max_delta_x, norm_delta_x);
         max_e_x = larger(max_e_x, norm_e_x);
         max_S = larger(max_S, norm_S);
-        if (k <= 20000) {
+        if (k <= TO) {
             max_N_x = larger(max_N_x, N_x);
             max_N_v = larger(max_N_v, N_v);
             max_N_w = larger(max_N_w, N_w);
@@ -432,7 +547,7 @@ static void evaluate(int k) {
     double time = k * H;
     reference(time);
     plant(time);
-    topology(time);
+    topology();
     potential_field(time);
     observer();
     controller();
@@ -459,7 +574,7 @@ int main(void) {
     double spent = seconds() - began;
     int collisions = 0;
     for (int i = 0; i < N; i++)
-        for (int j = i + 1; j < N; j++) collisions += !isnan(collided[i][j]);
+        for (int j = i + 1; j < N; j++) collisions += collided[i][j];
     printf("{\"seconds\": %.9g, \"N_x\": %.17g, \"N_v\": %.17g, \"N_w\": %.17g, \"delta_x\": %.17g, \"e_x\": %.17g, "
            "\"S\": %.17g, \"min_gap\": %.17g, \"collisions\": %d, \"L_2\": %.17g, \"dL_2\": %.17g, \"coverage\": %.17g}\n",
            spent, max_N_x, max_N_v, max_N_w, max_delta_x, max_e_x, max_S, smallest_gap, collisions, max_L_2, max_dL_2,
