@@ -40,7 +40,7 @@ static const int HEARS[N] = {3, 2, 0, 4, 5, 1}; /* numbers from 0 */
 static const double CIRCLE = 1.8, WIDTH = 8;
 #endif
 
-static const double SPEED = 0.2, AMPLITUDE = 1.0, FREQUENCY = 0.3; /* reference (43) */
+static const double SPEED = 0.2, AMPLITUDE = 1.0, FREQUENCY = 0.3;               /* reference (43) */
 static const double ETA[4] = {6, 8, 8, 6}, LIPSCHITZ = 0.03;                     /* differentiator (29) */
 static const double ALPHA_1 = 8, ALPHA_2 = 8;                                    /* observer (10) */
 static const double GAMMA_1[BANDS] = {1, 5, 50, 200, 10000}, GAMMA_2[BANDS] = {0.05, 0.25, 5, 20, 100};
@@ -216,6 +216,13 @@ static inline void add_neighbour(int i, int j, double d, double fading) {
     weights[i][n] = HEARS[i] == j ? 1.0 : fading;
 }
 
+static inline void look_at_pair(int i, int j) {
+    double d = apart(i, j), fading = d <= R_C ? fading_weight(d) : 0.0;
+    look_at_gap(i, j, d);
+    add_neighbour(i, j, d, fading);
+    add_neighbour(j, i, d, fading);
+}
+
 #ifdef ROBOTS
 /* Pairs i < j that are nearer than the range and the skin, or of which one hears the other, ordered by i, then j. */
 enum { LISTED = 16, SIDE = 1024, CELLS = SIDE * SIDE };
@@ -271,23 +278,12 @@ static bool is_current(void) {
 static void pairs(void) {
     if (!is_current()) search();
     for (int i = 0; i < N; i++)
-        for (int k = 0; k < listed_count[i]; k++) {
-            int j = listed[i][k];
-            double d = apart(i, j), fading = d <= R_C ? fading_weight(d) : 0.0;
-            look_at_gap(i, j, d);
-            add_neighbour(i, j, d, fading);
-            add_neighbour(j, i, d, fading);
-        }
+        for (int k = 0; k < listed_count[i]; k++) look_at_pair(i, listed[i][k]);
 }
 #else
 static void pairs(void) {
     for (int i = 0; i < N; i++)
-        for (int j = i + 1; j < N; j++) {
-            double d = apart(i, j), fading = d <= R_C ? fading_weight(d) : 0.0;
-            look_at_gap(i, j, d);
-            add_neighbour(i, j, d, fading);
-            add_neighbour(j, i, d, fading);
-        }
+        for (int j = i + 1; j < N; j++) look_at_pair(i, j);
 }
 #endif
 
