@@ -33,10 +33,10 @@ class Samples:
 
 @dataclass(frozen=True)
 class Column:
-    """Where a signal is in the rows of a group of probes."""
+    """A signal's column in the buffer of a group of probes: how many words a row has, and what is in them."""
 
     signal: Signal
-    words: slice
+    words: int
     stored: tuple[int, ...]
     shape: tuple[int, ...]
     dtype: np.dtype
@@ -44,14 +44,14 @@ class Column:
     def of(self, rows: np.ndarray) -> np.ndarray:
         """The signal's values (k, *shape) in the rows (k, words), as a view; all have what is stored once."""
         size = math.prod(self.stored)
-        found = rows[:, self.words].view(self.dtype)[:, :size].reshape(len(rows), *self.stored)
+        found = rows.view(self.dtype)[:, :size].reshape(len(rows), *self.stored)
         if self.stored == self.shape:
             return found
         return np.broadcast_to(found[:, None], (len(rows), *self.shape))
 
 
 class Buffers:
-    """The rows of all groups, as the loop fills them; words: zeroed words that a run's processes share.
+    """What all groups hold, column by column, as the loop fills them; words: zeroed words that a run's processes share.
 
     groups, rows: the tables that the loop reads, see `cosim.master.loop`.
     """
@@ -69,13 +69,14 @@ class Buffers:
         groups, rows = list[list[int]](), list[list[int]]()
         for group in probes:
             begin = len(rows)
-            columns, width = _columns(program, arena, group.signals)
-            rows += [[program.places[c.signal].offset, c.words.stop - c.words.start] for c in columns]
+            columns = _columns(program, arena, group.signals)
+            rows += [[program.places[c.signal].offset, c.words] for c in columns]
+            width = 1 + sum(c.words for c in columns)
             capacity = max(1, min(BUFFER_BYTES // (8 * width), ticks // group.every + 1))
-            buffer = words(capacity + 1, width)  # an event that ends the run may come in between
+            buffer = words(width * (capacity + 1))  # an event that ends the run may come in between
             self.arrays.append(buffer)
             self._columns.append(columns)
-            groups.append([group.every, begin, len(rows), width, 0, buffer.ctypes.data, capacity])
+            groups.append([group.every, begin, len(rows), 0, buffer.ctypes.data, capacity])
         self.groups = words(len(groups), tables.GROUP_WORDS)
         self.groups[:] = np.array(groups, np.int64).reshape(self.groups.shape)
         self.rows = np.array(rows, np.int64).reshape(-1, tables.PROBE_WORDS)
@@ -84,19 +85,23 @@ class Buffers:
         """What the groups hold, which makes room for more; valid until the loop goes on."""
         result = []
         for row, buffer, columns in zip(self.groups, self.arrays, self._columns, strict=True):
-            filled = min(max(0, int(row[tables.FILLED])), len(buffer))  # a crash may have left any number
+            room = int(row[tables.CAPACITY]) + 1
+            filled = min(max(0, int(row[tables.FILLED])), room)  # a crash may have left any number
             row[tables.FILLED] = 0
-            values = {column.signal: column.of(buffer[:filled]) for column in columns}
-            result.append(Samples(buffer[:filled, 0].view(np.float64).copy(), values))
+            values, begin = dict[Signal, np.ndarray](), room
+            for column in columns:
+                end = begin + room * column.words
+                values[column.signal] = column.of(buffer[begin:end].reshape(room, column.words)[:filled])
+                begin = end
+            result.append(Samples(buffer[:filled].view(np.float64).copy(), values))
         return result
 
 
-def _columns(program: Program, arena: np.ndarray, signals: Sequence[Signal]) -> tuple[list[Column], int]:
-    """Where each signal is in a row, after the time; and how many words a row has."""
-    columns, width = list[Column](), 1
+def _columns(program: Program, arena: np.ndarray, signals: Sequence[Signal]) -> list[Column]:
+    """The columns of signals, in this order."""
+    columns = []
     for signal in signals:
         stored = program.stored(signal, arena)
-        span = slice(width, width - (-stored.nbytes // 8))
-        columns.append(Column(signal, span, stored.shape, program.network.shape(signal), stored.dtype))
-        width = span.stop
-    return columns, width
+        words = -(-stored.nbytes // 8)
+        columns.append(Column(signal, words, stored.shape, program.network.shape(signal), stored.dtype))
+    return columns

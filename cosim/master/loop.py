@@ -53,7 +53,6 @@ from cosim.master.tables import (
     PUBLISH,
     PUBLISHED,
     PUBLISHED32,
-    SAMPLE_WORDS,
     SETTLE,
     STATES,
     STEP_SIZE,
@@ -190,13 +189,13 @@ def probe(c: Any, base: int, k: int, time: float) -> None:
         every = group[GROUP_EVERY]
         if every != 1 and k % every != 0:
             continue
-        row = group[BUFFER] + group[FILLED] * group[SAMPLE_WORDS] * 8
-        reals_at(row, 1)[0] = time
-        row += 8
+        column, filled, rows = group[BUFFER], group[FILLED], group[CAPACITY] + 1
+        reals_at(column + filled * 8, 1)[0] = time
+        column += rows * 8
         for p in range(group[PROBES_BEGIN], group[PROBES_END]):
             probed = words_at(c[PROBES] + p * PROBE_WORDS * 8, PROBE_WORDS)
-            copy(row, base + probed[0], probed[1])
-            row += probed[1] * 8
+            copy(column + filled * probed[1] * 8, base + probed[0], probed[1])
+            column += rows * probed[1] * 8
         group[FILLED] += 1
 
 

@@ -66,9 +66,10 @@ NEVER = 1 << 62
 WATCHED_WORDS = 3
 FIRST_INDICATOR, END_INDICATOR, CROSSED = range(WATCHED_WORDS)
 
-# A group of probes that are copied to a buffer every so many ticks: [time, probed words…] a row, CAPACITY rows at most.
-GROUP_WORDS = 7
-GROUP_EVERY, PROBES_BEGIN, PROBES_END, SAMPLE_WORDS, FILLED, BUFFER, CAPACITY = range(7)
+# A group of probes that are copied to a buffer every so many ticks: a column of times, and one of each probe's words,
+# each with room for CAPACITY rows and for one more.
+GROUP_WORDS = 6
+GROUP_EVERY, PROBES_BEGIN, PROBES_END, FILLED, BUFFER, CAPACITY = range(6)
 PROBE_WORDS = 2  # offset, words
 
 # The control block: what a caller hands over, and what it gets back.

@@ -101,8 +101,8 @@ def _by_numpy(kind: int, flat: Array) -> Array:
 
 def _mended(lengths: Array, flat: Array) -> Array:
     """Lengths (k, parts) of numbers of any size: where squares would leave their range, those of scaled numbers."""
-    odd = ~((lengths > SMALL) & (lengths < 1.0 / SMALL))
-    if odd.any():
+    if lengths.size and not (lengths.min() > SMALL and lengths.max() < 1.0 / SMALL):
+        odd = ~((lengths > SMALL) & (lengths < 1.0 / SMALL))
         few = flat[odd]
         largest_size = np.max(np.abs(few), axis=-1)
         scale = np.where((largest_size > 0.0) & np.isfinite(largest_size), largest_size, 1.0)

@@ -105,6 +105,7 @@ class Extreme(Judge):
         self._every, self._start, self._stop = every, start, stop
         self._extreme = np.full(margin.shape, math.inf if every else -math.inf)
         self._when = np.full(margin.shape, math.nan)
+        self._elements = np.arange(math.prod(margin.shape))
         self._now = -math.inf
 
     def update(self, times: Array, samples: Samples) -> None:
@@ -115,12 +116,18 @@ class Extreme(Judge):
         if begin >= end:
             return
         within = samples if end - begin == len(times) else {key: s[begin:end] for key, s in samples.items()}
-        margins = course(self.margin, times[begin:end], within)
-        at = np.argmin(margins, axis=0) if self._every else np.argmax(margins, axis=0)
-        found = np.take_along_axis(margins, at[None], axis=0)[0]
-        further = found < self._extreme if self._every else found > self._extreme
-        self._extreme = np.where(further, found, self._extreme)
-        self._when = np.where(further | np.isnan(self._when), times[begin:end][at], self._when)
+        self._take(times[begin:end], _course(self.margin, end - begin, within))
+
+    def _take(self, times: Array, margins: Array) -> None:
+        """Take margins (k, *shape), of which one that is no number is an extreme to `argmin`."""
+        by_element = margins.reshape(len(margins), -1)
+        at = by_element.argmin(axis=0) if self._every else by_element.argmax(axis=0)
+        found = by_element[at, self._elements].reshape(self.margin.shape)
+        _refuse_no_number(found, times, margins)
+        further = (found < self._extreme if self._every else found > self._extreme) | np.isnan(self._when)
+        if further.any():
+            self._extreme = np.where(further, found, self._extreme)
+            self._when = np.where(further, times[at].reshape(self.margin.shape), self._when)
 
     def bounds(self, ended: bool) -> Bounds:
         """As of `Judge`."""
@@ -240,14 +247,25 @@ class Together(Judge):
 
 def course(margin: Quantity, times: Array, samples: Samples) -> Array:
     """The course (k, *shape) of a margin. Raises: FormulaError where it is no number."""
+    found = _course(margin, len(times), samples)
+    _refuse_no_number(found, times, found)
+    return found
+
+
+def _course(margin: Quantity, count: int, samples: Samples) -> Array:
+    """The same of so many samples, whether or not it is a number."""
     with np.errstate(all="ignore"):
-        found = np.broadcast_to(margin.of(samples), (len(times), *margin.shape))
-    wrong = np.isnan(found)
-    if wrong.any():
-        when = times[np.argwhere(wrong)[0][0]]
+        found = margin.of(samples)
+    shape = (count, *margin.shape)
+    return found if found.shape == shape else np.broadcast_to(found, shape)
+
+
+def _refuse_no_number(found: Array, times: Array, margins: Array) -> None:
+    """Raises: FormulaError if something that was `found` of margins (k, *shape) at times (k,) is no number."""
+    if np.isnan(found).any():
+        when = times[np.argwhere(np.isnan(margins))[0][0]]
         fix = "keep what it compares finite, and roots and logarithms within their domains"
         raise FormulaError(f"its margin is no number at t = {when:g} s", fix=fix)
-    return found
 
 
 def unknown(margin: Quantity) -> Bounds:

@@ -68,12 +68,14 @@ def test_the_loop_itself_stops_at_a_full_buffer(wired, engine_):
     one = Simulation(built, compilation.compile_program(built) if engine_ == "native" else None, PROBES)
     one.initialize()
     buffer, groups = one.buffers.arrays[0], one.buffers.groups
+    width = len(buffer) // (groups[0, tables.CAPACITY] + 1)
     groups[0, tables.CAPACITY] = 5
-    buffer[5:] = -7
+    buffer[:] = -7
     one.control[tables.LAST], one.control[tables.FINAL] = one.ticks, 1
     assert one.host.run("run") == tables.OK
     assert one.done == 5 and groups[0, tables.FILLED] == 5 and one.control[tables.FINAL] == 1
-    assert (buffer[5:] == -7).all()
+    assert (buffer[6 * width :] == -7).all()  # behind columns of five rows and one more
+    assert (buffer != -7).sum() == 5 * width
 
 
 OWN = """
