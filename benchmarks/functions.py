@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from cosim.compiling import emission
-from cosim.compiling.plain_math.definitions import FUNCTIONS, definition
 from cosim.machine import object_code
+from cosim.plain_math.definitions import FUNCTIONS, definition
 
 HERE = Path(__file__).parent
 USUAL = {"sin": (-4, 4), "cos": (-4, 4), "exp": (-3, 3), "log": (0.1, 5), "tanh": (-2, 2), "pow": (0.1, 3)}

@@ -20,9 +20,9 @@ import formation_numpy
 import numpy as np
 
 from cosim.compiling import emission
-from cosim.compiling.plain_math.definitions import FUNCTIONS, definition
 from cosim.engine import run
 from cosim.machine import object_code
+from cosim.plain_math.definitions import FUNCTIONS, definition
 
 HERE = Path(__file__).parent
 DIAGRAM = HERE.parent / "diagrams" / "formation.yaml"

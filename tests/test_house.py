@@ -14,6 +14,7 @@ FLOORS = (
     "errors",
     "integrators",
     "machine",
+    "plain_math",
     "master",
     "language",
     "authoring",

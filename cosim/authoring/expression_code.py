@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from cosim.errors import ExpressionError
-from cosim.language.expression import CONSTANTS, OPERATIONS
+from cosim.language.expression import CONSTANTS, VALUES
 from cosim.language.expression_tree import Applied, Expression, Literal, Name, is_truth, named
 from cosim.language.misreadings import shown
 
@@ -163,7 +163,7 @@ def _computed(applied: Applied, values: Collection[float]) -> float:
     """What an operation makes of numbers. Raises: ExpressionError."""
     said = ""
     try:
-        value = OPERATIONS[applied.operation](*values)
+        value = VALUES[applied.operation](*values)
     except (ArithmeticError, ValueError) as error:
         said = f"has no value: {error}"
     else:

@@ -15,10 +15,10 @@ from llvmlite.binding.ffi import lib
 from numba.core.compiler_lock import global_compiler_lock
 
 from cosim.compiling import emission
-from cosim.compiling.plain_math import definitions
 from cosim.compiling.tiles import kernel_ir, tiling
 from cosim.errors import CosimError, Problems
 from cosim.machine import object_code
+from cosim.plain_math import definitions
 
 if TYPE_CHECKING:
     from cosim.compiling.adapters import KernelSource

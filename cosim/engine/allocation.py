@@ -53,12 +53,16 @@ class Allocation:
         self.first: list[tuple[int, np.ndarray]] = []
         self._work: dict[tuple[str, str], dict[str, tuple[int, int]]] = {}
 
-    def arena(self) -> np.ndarray:
-        """The arena as a run begins with it."""
-        arena = private(self.size)
+    def arena(self, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
+        """The arena as a run begins with it, in memory that `zeros` gives."""
+        arena = zeros(self.size)
+        self.write(arena)
+        return arena
+
+    def write(self, arena: np.ndarray) -> None:
+        """Write what a run begins with into an arena of zeros."""
         for offset, data in self.first:
             arena[offset : offset + data.nbytes] = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
-        return arena
 
     def allocate(self, size: int, alignment: int = ALIGNMENT) -> int:
         """The offset of so many bytes that are nobody's yet."""

@@ -24,9 +24,10 @@ UNWRITTEN: dict[Any, Any] = {
     np.dtype(float): np.uint64(0x7FF8_C051_0000_0000),
     np.dtype(np.float32): np.uint32(0x7FC0_C051),
 }
-#: The vectors over all continuous states: as published, of the stage that is evaluated, at the begin of an inner step,
-#: a weighted sum of slopes, and derivatives.
-VECTORS = ("X", "W", "BEGUN", "SUM", "D")
+#: The vectors over all continuous states: as published, of the stage that is evaluated, and derivatives.
+VECTORS = ("X", "W", "D")
+#: Those of integrators of several stages: at the begin of an inner step, and a weighted sum of slopes.
+OF_STAGES = ("BEGUN", "SUM")
 #: Those over all indicators: see `tables`.
 CROSSINGS = ("Z", "WAS", "HIGH", "DIRECTION")
 
@@ -37,7 +38,7 @@ class Layout(Allocation):
     next: of discrete states after the next update; scratch: of outputs that derivatives read, inside an integration;
     integrated: of continuous states that are held where others see them; jumped: of states after an event. crossings:
     offsets of CROSSINGS, of `indicators` numbers each. given: offsets and instances of the values
-    that a diagram sets. vectors: offsets of VECTORS and of SLOPES, which is `slopes` vectors of
+    that a diagram sets. vectors: offsets of VECTORS, of OF_STAGES and of SLOPES, which is `slopes` vectors of
     derivatives. states: the size of each. memory: offset of what integrations keep from one step to the next.
     published: offset and count, by type, of numbers that have to be finite,
     besides the states. changing: bytes of the state segment; then come the constants. repeated: the part of it without
@@ -139,11 +140,13 @@ class Layout(Allocation):
     def _lay_out_states(self) -> None:
         continuous = [(c, v) for c in self.network.components.values() for v in c.declaration.continuous()]
         self.states = sum(c.count * c.nbytes(v) for c, v in continuous) // 8
+        stages = _stages(self.network)
         for name in VECTORS:
             self.vectors[name] = self.allocate(8 * self.states)
+        for name in OF_STAGES:
+            self.vectors[name] = self.allocate(8 * self.states * (stages > 1))
         owners = {component.name for component, _ in continuous}
         self.memory = self.allocate(8 * tables.MEMORY_WORDS * max(1, len(owners)))
-        stages = _stages(self.network)
         self.slopes = stages if stages > 1 else 0
         self.vectors["SLOPES"] = self.allocate(8 * self.states * self.slopes)
         at = self.vectors["X"]
@@ -212,7 +215,7 @@ class Layout(Allocation):
             instances = component.count if place.stride else 1
             self.given.setdefault(signal, []).append((place.offset, instances))
             full = np.broadcast_to(given, (instances, *place.shape)) if instances != len(given) else given
-            self.first.append((place.offset, np.array(full, variable.dtype)))
+            self.first.append((place.offset, np.asarray(full, variable.dtype)))
         elif isinstance(variable, (Output, CalculatedParameter, Local)):
             self._mark(component, variable, place.offset)
 
@@ -237,7 +240,7 @@ def marks(component: Component, variable: Variable, size: int) -> np.ndarray | N
     if component.declaration.foreign or not variable.finite or variable.dtype not in UNWRITTEN:
         return None
     mark = UNWRITTEN[variable.dtype]
-    return np.full(size // mark.itemsize, mark)
+    return np.broadcast_to(mark, size // mark.itemsize)
 
 
 def _stages(network: Network) -> int:

@@ -20,7 +20,7 @@ zero, each after what it reads; then foreign blocks end their initialization, an
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,7 @@ from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
 from cosim.errors import FmuError
 from cosim.integrators import ScipyMethod
+from cosim.machine.memory import private
 from cosim.master import tables, unknowns
 from cosim.wiring import jumps, order
 from cosim.wiring.clocks import Schedule
@@ -43,6 +44,9 @@ METHODS = {
     "iterated": jacobi.advance,  # which `attempts` repeats
     "joint": joint.advance,
 }
+
+LARGE = 1 << 26
+"""Bytes of an arena of which there is one at a time, as it takes longer to keep another than to make it anew."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +90,13 @@ class Program:
 
     phases: the rows of each, by name. slopes: the rows of the derivatives of all states at what is published.
     started: the row after which a state is set that a start function computes. loops: algebraic loops, by the row that
-    solves them. clocks: the offset of those of blocks. layout: where everything lies in the arena.
+    solves them. clocks: the offset of those of blocks. layout: where everything lies in the arena. image: the arena as
+    a run begins with it; None for a LARGE one that is as the layout says.
     """
 
     network: Network
     layout: Layout
-    arena: np.ndarray
+    image: np.ndarray | None
     rows: np.ndarray
     banks: np.ndarray
     calls: list[Call]
@@ -102,6 +107,21 @@ class Program:
     clocks: int
     attempts: Attempts
     watched: Watched
+
+    @property
+    def arena(self) -> np.ndarray:
+        """The arena as a run begins with it, to read."""
+        return self.layout.arena() if self.image is None else self.image
+
+    def begun(self, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
+        """An arena of its own for a run, in memory that `zeros` gives."""
+        return self.layout.arena(zeros) if self.image is None else copy_of(self.image, zeros)
+
+    def begin(self, arena: np.ndarray) -> None:
+        """Let an arena be as a run begins with it."""
+        arena[:] = 0 if self.image is None else self.image
+        if self.image is None:
+            self.layout.write(arena)
 
     @property
     def places(self) -> dict[Signal, Place]:
@@ -169,13 +189,13 @@ class Program:
 
     def revalued(self, network: Network, changed: Iterable[Signal]) -> Program:
         """The same program with the values that the changed signals have in `network`, from `wiring.revalue`."""
-        arena = copy_of(self.arena)
+        arena = self.begun()
         for signal in changed:
             place = self.places[signal]
             for offset, instances in self.layout.given.get(signal, ()):
                 view = np.ndarray((instances, *place.shape), place.dtype, arena.data, offset)
                 view[...] = network.components[signal.component].values[signal.variable]
-        return replace(self, network=network, arena=arena)
+        return replace(self, network=network, image=arena)
 
     def signal(self, signal: Signal, arena: np.ndarray) -> np.ndarray:
         """A signal over all instances, as a view into an arena."""
@@ -215,7 +235,7 @@ def build(network: Network, method: str) -> Program:
     return Program(
         network=network,
         layout=layout,
-        arena=layout.arena(),
+        image=layout.arena() if layout.size <= LARGE else None,
         rows=np.array(writer.rows, np.int64).reshape(-1, tables.ROW_WORDS),
         banks=np.array(writer.banks, np.int64).reshape(-1, tables.BANK_WORDS),
         calls=writer.calls,

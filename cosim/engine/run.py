@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cosim.compiling.kernels import Kernels
 from cosim.engine import compilation, program, recording, stability, step_counts
+from cosim.engine.allocation import copy_of
 from cosim.engine.outcome import Outcome
 from cosim.engine.probes import Probes
 from cosim.engine.program import Program
@@ -227,9 +228,15 @@ class Run:
 
     def _look(self, wanted: Callable[[], bool]) -> float:
         """Look whether equal steps are stable, which is part of the setup; how long that takes (s)."""
-        began = clock.perf_counter()
+        began, simulation = clock.perf_counter(), self.simulation
         if self._kernels and self.looks:
-            self.unstable = stability.warnings(self._program, self._kernels, self.simulation.arena, wanted)
+            own = simulation.arena.nbytes > program.LARGE and simulation.can_begin_again
+            arena = simulation.arena if own else copy_of(simulation.arena)
+            try:
+                self.unstable = stability.warnings(self._program, self._kernels, arena, wanted)
+            finally:
+                if own:
+                    simulation.begin_again(wanted)
         spent = clock.perf_counter() - began
         self.seconds["setup"] += spent
         return spent

@@ -17,7 +17,6 @@ import numpy as np
 from cosim.authoring.foreign import LoopWords, Part
 from cosim.compiling.kernels import Kernels
 from cosim.engine import failures, hosts
-from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding, Walked
 from cosim.engine.probes import Buffers, Probes, Samples
 from cosim.engine.program import Program
@@ -56,7 +55,7 @@ class Simulation:
         self._foreign = [c for c in program.network.components.values() if c.declaration.foreign]
         self._forked = bool(self._foreign) and supervision.AVAILABLE
         self._zeros = memory.shared if self._forked else memory.private
-        self.arena = copy_of(program.arena, self._zeros)
+        self.arena = program.begun(self._zeros)
         self.probes = probes
         self.buffers = Buffers(program, self.arena, probes, self.ticks, self._words)
         self.control = self._words(tables.CONTROL_WORDS)
@@ -125,6 +124,16 @@ class Simulation:
         self.host.open()
         self.execute("CALCULATE", "START", wanted)
         self._initialized = self.resting = True
+
+    @property
+    def can_begin_again(self) -> bool:
+        """Whether nobody notices: no foreign block, which is begun once in its life, and no author's plain Python."""
+        return self.kernels is not None and not self._foreign
+
+    def begin_again(self, wanted: Callable[[], bool] = supervision.never) -> None:
+        """As `initialize`, after somebody has used the arena. Raises: as `initialize`."""
+        self.program.begin(self.arena)
+        self.initialize(wanted)
 
     def execute(self, first: str, last: str, wanted: Callable[[], bool] = supervision.never) -> None:
         """Do phases that follow each other, once, at time zero. Raises: as `initialize`."""

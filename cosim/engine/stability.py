@@ -4,7 +4,9 @@
     for the eigenvalues λ that this finds:
         if a motion that decays, e^(λ t), becomes one that grows, R(h λ)^n, within the run: say so
 
-Done on a copy of the run's memory, with compiled functions whatever the engine, so that nobody who debugs meets it.
+Done with compiled functions whatever the engine, so that nobody who debugs meets it. Of large fleets, only those
+members are looked at whose derivatives change most with a change of all states.
+
 Where a derivative has a jump or a root, small changes do not make small differences: no J, no verdict.
 """
 
@@ -17,7 +19,6 @@ import numpy as np
 
 from cosim.compiling.kernels import Kernels
 from cosim.engine import hosts
-from cosim.engine.allocation import copy_of
 from cosim.engine.binding import Binding
 from cosim.engine.probes import Buffers
 from cosim.engine.program import Program
@@ -28,6 +29,8 @@ from cosim.master import tables
 from cosim.wiring.network import Component
 
 MOST_DIRECTIONS = 10
+MOST_STATES = 50_000
+PIECE = 100_000  # states at a time, of more
 CHANGE = 1e-6  # of a state over its size
 LARGER = 100.0  # times that: where J is one, it gives the same
 ALIKE = 0.1  # over an eigenvalue
@@ -37,7 +40,7 @@ GROWTH = math.log(10.0)  # of a disturbance in the course of the run
 
 
 def warnings(program: Program, kernels: Kernels, arena: np.ndarray, wanted: Callable[[], bool]) -> list[CosimError]:
-    """What is to be said of each block, or of all together; arena: of the run, initialized.
+    """What is to be said of each block, or of all together; arena: of a run, initialized, which is used up.
 
     wanted: whether somebody wants the run to stop. Raises: BlockFailed, KeyboardInterrupt where a function does not
     return.
@@ -45,7 +48,7 @@ def warnings(program: Program, kernels: Kernels, arena: np.ndarray, wanted: Call
     banks = [bank for bank in program.banks if _is_looked_at(program, kernels, bank)]
     if not banks:
         return []
-    look = _Look(program, kernels, copy_of(arena))
+    look = _Look(program, kernels, arena)
     found: list[CosimError] = []
 
     def command() -> int:
@@ -80,7 +83,7 @@ def _rows(program: Program, bank: np.ndarray) -> list[tuple[int, int]]:
 
 
 class _Look:
-    """A copy of a run's memory in which derivatives are asked for."""
+    """Derivatives are asked for in an arena, initialized, which is used up."""
 
     def __init__(self, program: Program, kernels: Kernels, arena: np.ndarray) -> None:
         self.program = program
@@ -93,45 +96,104 @@ class _Look:
 
     def warning(self, bank: np.ndarray) -> CosimError | None:
         """What is to be said of a bank's steps, if anything."""
-        run, layout = self.program.network.diagram.run, self.program.layout
-        x = self._vector(bank, "X").copy()
-        f = self._derivative(bank, x)
+        run = self.program.network.diagram.run
         h = run.step / int(bank[tables.INNER_STEPS])
-        scale = np.maximum(np.maximum(np.abs(x), h * np.abs(f)), SMALL)
+        kept = self._looked_at(bank, h)
+        if kept is None:
+            return None
+        x, f = self._states(bank)[kept].copy(), self._derivative(bank)[kept].copy()
+        scale = _sizes(x, f, h)
 
         def along(direction: np.ndarray, change: float) -> np.ndarray:
             """J times a direction, by a change; all over the states' sizes."""
-            moved = self._derivative(bank, x + change * scale * direction)
-            return np.asarray((moved - f) / (change * scale))
+            self._states(bank)[kept] = x + change * scale * direction
+            return np.asarray((self._derivative(bank)[kept] - f) / (change * scale))
 
         def component(direction: np.ndarray) -> Component:
             """Whose state moves most."""
-            state = int(bank[tables.BEGIN] + np.argmax(np.abs(direction)))
-            return self.program.network.components[self.program.owner(layout.vectors["X"] + 8 * state)[0].component]
+            return self._owner(bank, int(kept[np.argmax(np.abs(direction))]))
 
         integration = component(x).integration
         method, steps = integration.method, run.steps * integration.inner_steps
         assert isinstance(method, Tableau)
-        for value, direction in eigenvalues(along, x.size) if np.all(np.isfinite(f)) else ():
+        for value, direction in eigenvalues(along, x.size):
             decays = run.stop * value.real < -GROWTH
             grows = steps * math.log(max(abs(amplification(method, h * value)), 1e-300)) > GROWTH
             if decays and grows and _is_seen(along, value, direction):
                 return _warning(component(direction), method, h, value, run.step)
         return None
 
+    def _looked_at(self, bank: np.ndarray, h: float) -> np.ndarray | None:
+        """The numbers, in a bank, of states that are looked at; None where a derivative is no number."""
+        states = self._states(bank)
+        states[:] = self._vector(bank, "X")
+        f = self._derivative(bank)
+        if not np.isfinite(f).all():
+            return None
+        if states.size <= MOST_STATES:
+            return np.arange(states.size)
+        x, f = states.copy(), f.copy()
+        pieces = [slice(begin, begin + PIECE) for begin in range(0, x.size, PIECE)]
+        for piece in pieces:
+            states[piece] += CHANGE * _sizes(x[piece], f[piece], h) * _any_direction(piece.start, x[piece].size)
+        changed = self._derivative(bank)
+        for piece in pieces:
+            gains = np.abs(changed[piece] - f[piece]) / (CHANGE * _sizes(x[piece], f[piece], h))
+            f[piece] = np.where(np.isnan(gains), np.inf, gains)
+        states[:] = x
+        return self._fastest(bank, f)
+
+    def _fastest(self, bank: np.ndarray, gains: np.ndarray) -> np.ndarray:
+        """The numbers, in a bank, of states of those members of each fleet that have the largest of `gains`."""
+        begin, end = int(bank[tables.BEGIN]), int(bank[tables.END])
+        fleets: dict[str | None, list[Component]] = {}
+        for component in self.program.network.components.values():
+            own = self.program.layout.states_of(component)
+            if own.size and begin <= own[0, 0] < end:
+                fleets.setdefault(component.fleet, []).append(component)
+        found = []
+        for components in fleets.values():
+            largest, size = np.zeros(components[0].count), 0
+            for component in components:
+                own = self.program.layout.states_of(component) - begin
+                largest, size = np.maximum(largest, gains[own].max(axis=1)), size + own.shape[1]
+            members = np.argsort(-largest, kind="stable")[: max(MOST_STATES // (len(fleets) * size), 1)]
+            found += [(self.program.layout.states_of(c)[members] - begin).reshape(-1) for c in components]
+        return np.sort(np.concatenate(found))
+
+    def _owner(self, bank: np.ndarray, state: int) -> Component:
+        """Whose a bank's state is."""
+        offset = self.program.layout.vectors["X"] + 8 * (int(bank[tables.BEGIN]) + state)
+        return self.program.network.components[self.program.owner(offset)[0].component]
+
     def _vector(self, bank: np.ndarray, name: str) -> np.ndarray:
         begin = self.program.layout.vectors[name] + 8 * int(bank[tables.BEGIN])
         return self.arena[begin : begin + 8 * int(bank[tables.END] - bank[tables.BEGIN])].view(float)
 
-    def _derivative(self, bank: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """A bank's derivatives at its states; no numbers where a function fails."""
-        self._vector(bank, "X" if bank[tables.IN_PLACE] else "W")[:] = x
+    def _states(self, bank: np.ndarray) -> np.ndarray:
+        """Those at which a bank's derivatives are asked for."""
+        return self._vector(bank, "X" if bank[tables.IN_PLACE] else "W")
+
+    def _derivative(self, bank: np.ndarray) -> np.ndarray:
+        """A bank's derivatives at `_states`, valid until the next ones; no numbers where a function fails."""
+        derivatives = self._vector(bank, "D")
         for begin, end in _rows(self.program, bank):
             self.control[tables.FIRST_ROW], self.control[tables.END_ROW] = begin, end
             status = self._binding.commands["execute"](0.0, self.arena.ctypes.data, self.control.ctypes.data)
             if status > tables.WARNING:
-                return np.full(x.size, np.nan)
-        return self._vector(bank, "D").copy()
+                derivatives[:] = np.nan
+                return derivatives
+        return derivatives
+
+
+def _sizes(x: np.ndarray, f: np.ndarray, h: float) -> np.ndarray:
+    """Those of states, by what they are and by how they change in a step."""
+    return np.asarray(np.maximum(np.maximum(np.abs(x), h * np.abs(f)), SMALL))
+
+
+def _any_direction(begin: int, size: int) -> np.ndarray:
+    """As good as any: some elements of a direction."""
+    return np.cos(np.arange(begin, begin + size, dtype=float) ** 2 + 1.0)
 
 
 def _words(*shape: int) -> np.ndarray:
@@ -142,7 +204,7 @@ def eigenvalues(along: Callable[[np.ndarray, float], np.ndarray], size: int) -> 
     """The eigenvalues that stand out, largest first, with their directions. along: J times a direction, by a change."""
     most = min(size, MOST_DIRECTIONS)
     basis, matrix = np.zeros((most + 1, size)), np.zeros((most + 1, most))
-    basis[0] = np.cos(np.arange(size) ** 2 + 1.0)  # as good as any
+    basis[0] = _any_direction(0, size)
     basis[0] /= _length(basis[0])
     used = 0
     while used < most:

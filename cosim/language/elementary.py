@@ -1,7 +1,7 @@
 """The functions of real numbers that arithmetic in diagrams has: for values, in kernels and interpreted, the same.
 
 They are compiled as an author's helpers are. A truth value is 1.0 or 0.0, or NaN where what is compared is no number:
-neither a condition nor `min` or `max` hides that.
+neither a condition nor `min` or `max` hides that. In values, those that cosim computes itself take arrays too.
 """
 
 from __future__ import annotations
@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 WHOLE = 4503599627370496.0  # from 2^52 on, every number is a whole one
 
@@ -81,6 +84,43 @@ def opposite(p: float) -> float:
 def chosen(p: float, a: float, b: float) -> float:
     """a where p, else b."""
     return a if p == 1.0 else b if p == 0.0 else p
+
+
+PLAIN = ("sin", "cos", "exp", "log", "tanh", "atan2")
+"""Those that cosim computes itself, besides powers."""
+
+
+def plain(name: str) -> Callable[..., Any]:
+    """A function of numbers, or of arrays of them. It raises ValueError or OverflowError where it has no value."""
+
+    def function(*numbers: Any) -> Any:
+        from cosim.plain_math.evaluation import evaluated
+
+        if name == "log" and len(numbers) == 2:
+            return function(numbers[0]) / function(numbers[1])
+        found = evaluated(name, *numbers)
+        if np.isnan(found).any() and not any(np.isnan(number).any() for number in numbers):
+            raise ValueError(f"{name} has no value there")
+        if np.isinf(found).any() and all(np.isfinite(number).all() for number in numbers):
+            raise OverflowError(f"{name} is infinite there")
+        return found
+
+    return function
+
+
+def power(a: Any, b: Any) -> Any:
+    """A power, of numbers or of arrays of them; NaN for an even root of a negative number."""
+    from cosim.plain_math.evaluation import evaluated
+
+    found = evaluated("pow", a, b)
+    if np.isinf(found).any() and np.isfinite(a).all() and np.isfinite(b).all():
+        raise OverflowError("the power is infinite")
+    return found
+
+
+def root(a: Any) -> Any:
+    """A square root, of a number or of an array of them."""
+    return np.sqrt(a) if isinstance(a, np.ndarray) else math.sqrt(a)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
+from typing import Any
+
+import numpy as np
 
 from cosim.errors import ExpressionError, Position, nearest
 from cosim.language import elementary, expression_tree
@@ -36,14 +39,21 @@ OPERATIONS: dict[str, Callable[..., float]] = {
     "if": elementary.chosen,
     **{name: function.python for name, function in FUNCTIONS.items()},
 }
-"""What each operation of an expression computes."""
+"""What each operation of an expression is, as an author would write it in a block."""
+VALUES: dict[str, Callable[..., Any]] = {
+    **OPERATIONS,
+    **{name: elementary.plain(name) for name in elementary.PLAIN},
+    "**": elementary.power,
+    "sqrt": elementary.root,
+}
+"""What each operation makes of numbers: the same bits as in blocks, and on every system. Some of them take arrays."""
 _SHORT = 20
 """Operations, each with the one before as its first operand, up to which functions call each other."""
 _DECIDED = {"both": 0.0, "either": 1.0}
 """The first truth value that leaves the second without effect."""
 
-Names = Mapping[str, float]
-Evaluator = Callable[[Names], float]
+Names = Mapping[str, Any]
+Evaluator = Callable[[Names], Any]
 
 
 def evaluate(text: str, names: Names | None = None, position: Position | None = None) -> float:
@@ -63,6 +73,20 @@ def evaluate(text: str, names: Names | None = None, position: Position | None = 
     except (ArithmeticError, TypeError, ValueError, RecursionError) as error:
         raise ExpressionError(f"`{shown(text)}` cannot be evaluated: {error}", position, "check its values") from None
     return float(value)
+
+
+def of_members(text: str, count: int) -> np.ndarray | None:
+    """An expression's values (count,) for all members of a fleet at once; None where it has to be `evaluate` for each.
+
+    Where one has no value, or an operation takes no arrays, that is to be seen, and said, one by one.
+    """
+    fleet = {"i": np.arange(1.0, count + 1.0), "N": float(count)}
+    try:
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            values = np.broadcast_to(_read(text)(fleet), (count,))
+    except (ArithmeticError, TypeError, ValueError, RecursionError, ExpressionError):
+        return None
+    return values if values.dtype == np.float64 and np.isfinite(values).all() else None
 
 
 def names(text: str) -> frozenset[str]:
@@ -114,7 +138,7 @@ def _build(part: Expression, text: str) -> Evaluator:
     return _chain(part, text)
 
 
-def _chosen(condition: float, one: Evaluator, other: Evaluator, names: Names) -> float:
+def _chosen(condition: Any, one: Evaluator, other: Evaluator, names: Names) -> Any:
     """What a condition chooses; nothing else is evaluated."""
     return condition if math.isnan(condition) else (one if condition else other)(names)
 
@@ -132,11 +156,11 @@ def _chain(part: Applied, text: str) -> Evaluator:
             begin = _applied(operation, begin, others)
         return begin
 
-    def value(names: Names) -> float:
+    def value(names: Names) -> Any:
         found = begin(names)
         for operation, others in reversed(links):
             if _DECIDED.get(operation) != found:
-                found = OPERATIONS[operation](found, *(other(names) for other in others))
+                found = VALUES[operation](found, *(other(names) for other in others))
         return found
 
     return value
@@ -144,21 +168,21 @@ def _chain(part: Applied, text: str) -> Evaluator:
 
 def _applied(operation: str, first: Evaluator, others: list[Evaluator]) -> Evaluator:
     """An operation of one or two operands."""
-    apply, decided = OPERATIONS[operation], _DECIDED.get(operation)
+    apply, decided = VALUES[operation], _DECIDED.get(operation)
     if not others:
         return lambda names: apply(first(names))
     (second,) = others
     if decided is None:
         return lambda names: apply(first(names), second(names))
 
-    def value(names: Names) -> float:
+    def value(names: Names) -> Any:
         found = first(names)
         return found if found == decided else apply(found, second(names))
 
     return value
 
 
-def _value(name: str, names: Names, text: str) -> float:
+def _value(name: str, names: Names, text: str) -> Any:
     if name in names:
         return names[name]
     if name in CONSTANTS:

@@ -14,6 +14,9 @@ from cosim.language import expression
 from cosim.language.data_files import array_of
 from cosim.language.source import Node
 
+EXACT = 2.0**53
+"""Whole numbers below it are numbers as they are."""
+
 
 @dataclass(frozen=True)
 class Value:
@@ -66,6 +69,36 @@ class Value:
         if self.shape == () and shape != ():
             return np.full(shape, self._number(dtype, names), dtype)
         return np.broadcast_to(np.array(self._evaluate(dtype, names), dtype), shape).copy()
+
+    def of_members(self, shape: tuple[int, ...], dtype: np.dtype, count: int) -> np.ndarray | None:
+        """Evaluated for all members of a fleet (count, *shape), at once; None where that has to be done one by one.
+
+        Raises: WrongType, WrongValue.
+        """
+        found = self._of_members(dtype, count) if dtype.kind in "fiu" else None
+        if found is None:
+            return None
+        more = (1,) * (len(shape) + 1 - found.ndim)
+        return np.broadcast_to(found.reshape(*found.shape, *more), (count, *shape)).copy()
+
+    def _of_members(self, dtype: np.dtype, count: int) -> np.ndarray | None:
+        """The same (count, *self.shape)."""
+        if isinstance(self.content, list):
+            parts = [part._of_members(dtype, count) for part in self.content]  # noqa: SLF001  # of this class
+            known = [part for part in parts if part is not None]
+            return np.stack(known, axis=1) if known and len(known) == len(parts) else None
+        if isinstance(self.content, np.ndarray):
+            return None
+        if not isinstance(self.content, str):
+            return np.full(count, self._number(dtype, {}), dtype)
+        numbers = expression.of_members(self.content, count)
+        if numbers is None or dtype == np.float64:
+            return numbers
+        bounds: Any = np.finfo(dtype) if dtype.kind == "f" else np.iinfo(dtype)
+        fit = (numbers >= bounds.min) & (numbers <= bounds.max)
+        if dtype.kind in "iu":
+            fit &= (numbers == np.floor(numbers)) & (abs(numbers) < EXACT)
+        return numbers.astype(dtype) if fit.all() else None
 
     def _evaluate(self, dtype: np.dtype, names: Mapping[str, float]) -> Any:
         if isinstance(self.content, np.ndarray):

@@ -311,7 +311,7 @@ class _Beginnings:
         if prepared.network.has_foreign or key not in self._simulations:
             self._simulations[key] = Simulation(prepared.program, prepared.kernels)
         simulation = self._simulations[key]
-        simulation.arena[:] = prepared.program.arena
+        prepared.program.begin(simulation.arena)
         simulation.initialize()
         simulation.close()
         return simulation

@@ -60,10 +60,24 @@ def _sees(component: Component, rule: Rule, changed: Container[Signal]) -> bool:
 
 
 def _enforce(components: dict[str, Component], component: Component, rule: Rule) -> None:
-    for member in range(component.count):
+    for member, _ in _told_apart(component, rule):
         holds, numbers = _judge(components, component, rule, member, {})
         if not holds:
             raise _violation(component, rule, numbers)
+
+
+def _told_apart(component: Component, rule: Rule) -> list[tuple[int, int]]:
+    """Members whose values a rule can tell apart: the first of each such kind, rising, and how many are of it."""
+    values = [component.values[name] for name in rule.arguments if name in component.values]
+    own = [value for value in values if len(value) > 1]
+    if not own or component.count == 1:
+        return [(0, component.count)]
+    if any(value.dtype.hasobject for value in own):
+        return [(member, 1) for member in range(component.count)]
+    flat = [np.ascontiguousarray(value).reshape(component.count, -1).view(np.uint8) for value in own]
+    rows = np.ascontiguousarray(np.concatenate(flat, axis=1))
+    _, firsts, counts = np.unique(rows.view(f"V{rows.shape[1]}"), return_index=True, return_counts=True)
+    return sorted(zip(firsts.tolist(), counts.tolist(), strict=True))
 
 
 def _can_judge(components: dict[str, Component], component: Component, rule: Rule) -> bool:
@@ -123,17 +137,19 @@ def _findings(
     network: Network, component: Component, rule: Rule, courses: Mapping[str, list[Course]]
 ) -> Iterator[Finding]:
     """One finding for each verdict that members share, with the numbers of the first of them."""
-    verdicts: dict[bool | None, list[tuple[int, str]]] = {}
-    for member in range(component.count):
+    verdicts: dict[bool | None, list[tuple[int, int, str]]] = {}
+    alone = [(member, 1) for member in range(component.count)]
+    for member, count in alone if courses else _told_apart(component, rule):
         known: dict[str, Any] = {name: course[member] for name, course in courses.items()}
         settings = {"stop": network.diagram.run.stop, "method": network.diagram.run.method}
         known |= {name: value for name, value in settings.items() if name not in component.declaration.variables}
         holds, numbers = _judge(network.components, component, rule, member, known)
-        verdicts.setdefault(holds, []).append((member, numbers))
+        verdicts.setdefault(holds, []).append((member, count, numbers))
     for holds, members in verdicts.items():
-        member, numbers = members[0]
-        if len({text for _, text in members}) > 1 or len(verdicts) > 1:
-            more = f" and {len(members) - 1} more" if len(members) > 1 else ""
+        member, _, numbers = members[0]
+        if len({text for _, _, text in members}) > 1 or len(verdicts) > 1:
+            others = sum(count for _, count, _ in members) - 1
+            more = f" and {others} more" if others else ""
             numbers = f"{component.fleet} {member + 1}{more}: {numbers}"
         yield Finding(component.name, rule.text, rule.source, holds, numbers)
 

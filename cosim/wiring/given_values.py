@@ -14,6 +14,9 @@ from cosim.wiring import limits, meaning
 from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component
 
+MANY = 16
+"""Members of a fleet whose values are computed at once."""
+
 
 def take(draft: Draft, component: Component) -> None:
     """Match an entry's parameters and start values with the declaration, and take defaults for the rest."""
@@ -143,6 +146,8 @@ def _members(variable: Variable, value: Value, count: int, shape: tuple[int, ...
         return None
     if per_member and isinstance(value.content, np.ndarray) and value.content.dtype == variable.dtype == np.float64:
         return np.broadcast_to(value.content, (count, *shape)).copy()
+    if not per_member and count >= MANY and (found := value.of_members(shape, variable.dtype, count)) is not None:
+        return found
     array = np.empty((count, *shape), variable.dtype)
     for k in range(count):
         row = value.member(k) if per_member else value

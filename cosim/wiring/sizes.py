@@ -72,7 +72,7 @@ def _bytes(component: Component, variable: Variable, continuous: Container[Varia
     """What a variable takes at least: what is given or wired may be shared, what is computed is not."""
     if not isinstance(variable, (State, Output, Local, CalculatedParameter)) or component.signal_axes(variable) is None:
         return 0
-    copies = 5 if variable in continuous else 2 if isinstance(variable, State) else 1
+    copies = 3 if variable in continuous else 2 if isinstance(variable, State) else 1
     return copies * component.count * component.nbytes(variable)
 
 

@@ -19,9 +19,9 @@ import pytest
 
 from cosim.compiling import emission
 from cosim.compiling.interpreted.libm import as_compiled
-from cosim.compiling.plain_math import wide_angles
-from cosim.compiling.plain_math.definitions import FUNCTIONS, definition, renamed, with_definitions
 from cosim.machine import object_code
+from cosim.plain_math import wide_angles
+from cosim.plain_math.definitions import FUNCTIONS, definition, renamed, with_definitions
 
 LARGEST, LEAST, NORMAL = np.finfo(float).max, 5e-324, np.finfo(float).tiny
 SPECIAL = [0.0, 1.0, 0.5, 2.0, 3.0, 1e300, 1e-300, LARGEST, LEAST, NORMAL, NORMAL - LEAST, math.inf, math.nan]

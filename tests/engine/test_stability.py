@@ -88,10 +88,7 @@ def looked(network) -> list:
     kernels = compilation.compile_program(built)
     one = Simulation(built, kernels)
     one.initialize()
-    before = one.arena.copy()
-    found = stability.warnings(built, kernels, one.arena, lambda: False)
-    assert np.array_equal(one.arena, before)
-    return found
+    return stability.warnings(built, kernels, one.arena, lambda: False)
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -174,3 +171,60 @@ def test_a_run_tells_it_whether_it_diverges_or_not(wired, engine):
         said = [warning.message for warning in outcome.warnings]
         expected = "block f: at the start h·|λ| = 4 is beyond the stability limit 2 of euler"
         assert said == ([expected] if step == 4 else [])
+
+
+MANY = """run: {stop: 5, step: 1.0e-3}
+fleets: {robot: 3000}
+blocks:
+  own: {python: own.py:Fast, per: robot, parameters: {rate: "5000 if i == 1234 else 1 + i % 40"}}
+  lone: {python: own.py:Fast}
+"""
+
+
+@pytest.mark.parametrize("most", [50_000, 60])
+def test_of_a_large_fleet_those_are_looked_at_that_matter(tmp_path, monkeypatch, most):
+    """One of 3,000 robots has a state that decays 25 times as fast as the step can follow."""
+    monkeypatch.setattr(stability, "MOST_STATES", most)
+    monkeypatch.setattr(stability, "PIECE", 700)
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "d.yaml").write_text(MANY)
+    (warning,) = looked(run.load(tmp_path / "d.yaml"))
+    assert "block own: at the start h·|λ| = 5 is beyond the stability limit 2 of euler" in warning.message
+    assert looked(run.load(tmp_path / "d.yaml", ["blocks.own.parameters.rate=40"])) == []
+
+
+def test_a_run_of_which_there_is_one_arena_is_the_same_run(formation, monkeypatch, tmp_path):
+    """A large one is looked at in its own memory, and begins again; and its image is made anew each time."""
+    found = []
+    for large in (program.LARGE, 0):
+        monkeypatch.setattr(program, "LARGE", large)
+        network = run.load(formation.with_name("fleet_1000.yaml"), ["run.stop=0.05", "fleets.robot=20"])
+        one = run.Run(network, output=tmp_path / f"{large}.nc")
+        assert (one.simulation.program.image is None) == (large == 0)
+        outcome = one.execute()
+        found.append((outcome.metrics, [w.message for w in outcome.warnings], one.simulation.arena.tobytes()))
+    assert found[0] == found[1]
+
+
+def test_what_is_looked_at_where_it_runs_and_fails_is_no_start_of_a_run(tmp_path, monkeypatch):
+    """A look that somebody stops leaves nothing of its own in the figures of the run."""
+    monkeypatch.setattr(program, "LARGE", 0)
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "d.yaml").write_text("run: {stop: 1, step: 0.1}\nblocks:\n  own: {python: own.py:Growing}\n")
+    one = run.Run(run.load(tmp_path / "d.yaml"))
+
+    def stopped(_program, _kernels, arena, _wanted):
+        arena.view(np.int64)[:] = 7
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(stability, "warnings", stopped)
+    outcome = one.execute()
+    assert outcome.status == "interrupted" and outcome.time == 0.0
+    assert one.simulation.arena.tobytes() == begun(one).arena.tobytes()
+
+
+def begun(one) -> Simulation:
+    """A simulation of the same program, initialized."""
+    other = Simulation(one.simulation.program, one.simulation.kernels)
+    other.initialize()
+    return other

@@ -18,11 +18,11 @@ import pytest
 
 from cosim.compiling import emission
 from cosim.compiling.interpreted.libm import as_compiled
-from cosim.compiling.plain_math.definitions import FUNCTIONS, definition
 from cosim.export import sources
 from cosim.export.c_code.c_translation import translate
 from cosim.export.c_code.llvm_reader import Untranslatable, read
 from cosim.machine import object_code
+from cosim.plain_math.definitions import FUNCTIONS, definition
 
 KERNEL = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 HEAD = "#include <stdint.h>\n#define KERNEL\ntypedef int32_t (*Kernel)(double, uint8_t *, int64_t *);\n"

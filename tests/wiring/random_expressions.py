@@ -11,7 +11,7 @@ import math
 from hypothesis import strategies as st
 
 from cosim.compiling.interpreted.libm import as_compiled
-from cosim.compiling.plain_math.definitions import FUNCTIONS
+from cosim.plain_math.definitions import FUNCTIONS
 
 NAMES = ("a", "b", "c")
 _WORDS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh sqrt exp log log2 log10 abs sign floor ceil"
@@ -120,7 +120,7 @@ def value(tree, names):
     if operation == "**" and values[1] in (2.0, 3.0, 4.0) and [*map(_is_constant, parts)] == [False, True]:
         a = values[0]  # a product
         return {2.0: a * a, 3.0: a * (a * a), 4.0: (a * a) * (a * a)}[values[1]]
-    return _number(operation, values, _is_constant(tree))
+    return _number(operation, values)
 
 
 def _is_constant(tree):
@@ -133,17 +133,17 @@ def _compared(operation, a, b):
     return {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b, "==": a == b, "!=": a != b}[operation]
 
 
-def _number(operation, values, constant):
+def _number(operation, values):
     if any(map(math.isnan, values)):
         # Powers are those of C, where 1 to any power and any number to the power 0 are 1.
-        return _power(*values, constant) if operation == "**" else math.nan
+        return _power(*values) if operation == "**" else math.nan
     if operation in ("min", "max"):
         return {"min": min, "max": max}[operation](values)
     a, b = values[0], values[-1]
     if operation == "**":
-        return _power(a, b, constant)
+        return _power(a, b)
     if operation == "log of":
-        return _divided(_number("log", [a], constant), _number("log", [b], constant))
+        return _divided(_number("log", [a]), _number("log", [b]))
     if operation in ("/", "//", "%"):
         return _divided(a, b) if operation == "/" else _whole(operation, a, b)
     if operation in ("+", "-", "*", "neg"):
@@ -152,22 +152,19 @@ def _number(operation, values, constant):
         return math.copysign(1.0, a) if a else a
     if operation in ("floor", "ceil", "abs"):
         return a if math.isinf(a) and operation != "abs" else float(getattr(math, operation, abs)(a))
-    return _of_math(operation, values, constant)
+    return _of_math(operation, values)
 
 
-def _of_math(operation, values, constant):
-    """What a function of `math` gives, or C's where Python raises.
-
-    What is no constant is computed by cosim's own functions, if there is one, which have tests of their own.
-    """
-    if operation in FUNCTIONS and not constant:
+def _of_math(operation, values):
+    """What cosim's own functions give, which have tests of their own; of others `math`, or C where Python raises."""
+    if operation in FUNCTIONS:
         return as_compiled(operation, len(values))(*values)
     try:
         return getattr(math, operation)(*values)
     except OverflowError:
         return math.copysign(math.inf, values[0]) if operation == "sinh" else math.inf
     except ValueError:
-        pole = {"log": 0.0, "log2": 0.0, "log10": 0.0}.get(operation)
+        pole = {"log2": 0.0, "log10": 0.0}.get(operation)
         if pole == values[0]:
             return -math.inf
         return math.copysign(math.inf, values[0]) if operation == "atanh" and abs(values[0]) == 1.0 else math.nan
@@ -190,12 +187,5 @@ def _whole(operation, a, b):
     return a // b if operation == "//" else a % b
 
 
-def _power(a, b, constant):
-    if not constant:
-        return as_compiled("pow", 2)(a, b)
-    try:
-        return math.pow(a, b)
-    except (OverflowError, ValueError) as error:
-        if a and isinstance(error, ValueError):
-            return math.nan
-        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
+def _power(a, b):
+    return as_compiled("pow", 2)(a, b)

@@ -11,7 +11,7 @@ from cosim.authoring.rules import Course, condition, rule
 from cosim.authoring.variables import Output, Parameter
 from cosim.engine import run
 from cosim.engine.courses import Courses
-from cosim.errors import DeclarationError
+from cosim.errors import DeclarationError, DiagramErrors
 from cosim.results.result_file import open_result
 from cosim.terminal.cli import main
 from cosim.wiring import conditions
@@ -183,3 +183,57 @@ def test_the_first_of_equal_extremes_counts():
     courses.update(np.array([0.0, 1.0]), np.array([2, 2]))
     courses.update(np.array([2.0]), np.array([2]))
     assert courses.of_members() == [Course(2.0, 0.0, 2.0, 0.0)]
+
+
+MANY = """
+run: {stop: 3, step: 0.01}
+fleets: {ship: 1000}
+blocks:
+  wave: {python: many.py:Wave, per: ship, parameters: {amplitude: "AMPLITUDE", phase: "i % 3"}}
+"""
+OF_MANY = '''
+from cosim import Block, Output, Parameter, condition, rule
+
+judged = []
+
+class Wave(Block):
+    """Of an amplitude, two of which are judged together."""
+    amplitude = Parameter()
+    phase = Parameter()
+    y = Output()
+    positive = rule("amplitude > 0")(lambda amplitude, phase: judged.append((amplitude, phase)) or amplitude > 0.0)
+    low = condition("amplitude < 5", "Theorem 9")(lambda amplitude: (amplitude < 5.0, f"it is {amplitude:g}"))
+    def outputs(amplitude, y):
+        y[0] = amplitude
+'''
+
+
+@pytest.fixture
+def many(tmp_path):
+    """A network of a thousand ships with these amplitudes."""
+
+    def load(amplitude):
+        (tmp_path / "many.py").write_text(OF_MANY)
+        (tmp_path / "many.yaml").write_text(MANY.replace("AMPLITUDE", amplitude))
+        return run.load(tmp_path / "many.yaml")
+
+    return load
+
+
+def test_members_that_a_rule_cannot_tell_apart_are_judged_once(many):
+    network = many("1 + i % 2")
+    judged = network.components["wave"].declaration.rules[0].function.__globals__["judged"]
+    assert judged == [(2.0, 1.0), (1.0, 2.0), (2.0, 0.0), (1.0, 1.0), (2.0, 2.0), (1.0, 0.0)]  # in the members' order
+
+
+def test_the_one_of_a_thousand_that_breaks_a_rule_is_found(many):
+    with pytest.raises(DiagramErrors) as found:
+        many("1 - 2*(1 if i == 517 else 0)")
+    (mistake,) = found.value.errors
+    assert "requires amplitude > 0" in mistake.message
+
+
+def test_those_of_which_a_condition_fails_are_counted(many):
+    """Of 1,000 ships, every seventh from the 7th on has an amplitude of 6: 142 of them."""
+    found = {f.holds: f.numbers for f in conditions.conditions(many("6 if i % 7 == 0 else 1"))}
+    assert found == {True: "ship 1 and 857 more: it is 1", False: "ship 7 and 141 more: it is 6"}

@@ -7,12 +7,15 @@ import math
 import re
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from cosim.compiling.interpreted.functions import interpreted
+from cosim.compiling.interpreted.libm import as_compiled
 from cosim.engine import run
 from cosim.errors import ExpressionError, Position
+from cosim.language import expression
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
 from cosim.wiring import expression_blocks
@@ -55,6 +58,60 @@ def test_any_expression_is_worth_what_math_says(tree):
             assume(False)
         wanted = value(tree, names)
         assert found == wanted or (math.isnan(found) and math.isnan(wanted)), f"{said} for {names}: {found}, {wanted}"
+
+
+@given(trees())
+@settings(max_examples=600, suppress_health_check=[HealthCheck.too_slow])
+def test_all_members_at_once_have_the_bits_of_each(tree):
+    """Or they are not computed at once."""
+    said = text(tree).replace("time", "N")
+    for name, stands_for in zip(NAMES, ("i", "(i - 20)/3", "N"), strict=True):
+        said = re.sub(rf"\b{name}\b", stands_for, said)
+    try:
+        found = expression.of_members(said, 40)
+    except ExpressionError:
+        assume(False)
+    assume(found is not None)
+    each = [expression.evaluate(said, {"i": i, "N": 40.0}) for i in np.arange(1.0, 41.0)]
+    assert found.tobytes() == np.array(each).tobytes(), said
+
+
+@pytest.mark.parametrize("operation", ["i % N", "i // N", "(20 - i) % N", "(i - 20) // -N", "-i % 0.3", "i // 0.1"])
+def test_remainders_of_all_members_at_once_are_python_s(operation):
+    found = expression.of_members(operation, 4000)
+    each = [expression.evaluate(operation, {"i": float(i), "N": 4000.0}) for i in range(1, 4001)]
+    assert found.tobytes() == np.array(each).tobytes()
+
+
+@pytest.mark.parametrize(
+    "said", ["1/(i - 7)", "log(i - 7)", "(7 - i)**0.5", "exp(100*i)", "sqrt(7 - i)", "0/(i // 99 - 0)"]
+)
+def test_what_a_member_has_no_value_of_is_not_computed_at_once(said):
+    assert expression.of_members(said, 20) is None
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "exp", "log", "tanh"])
+def test_functions_in_values_have_the_bits_that_compiled_code_has(name):
+    """The same on every system, for one number and for many; angles beyond what is reduced quickly among them."""
+    numbers = np.concatenate([np.random.default_rng(1).uniform(0.0, 700.0, 400), [1e-300, 709.5]])
+    numbers = np.concatenate([numbers, [8e5, 1e6, 1e22, 1e300]]) if name != "exp" else numbers
+    compiled = np.array([as_compiled(name, 1)(x) for x in numbers.tolist()])
+    assert expression.VALUES[name](numbers).tobytes() == compiled.tobytes()
+    assert (
+        np.array([expression.evaluate(f"{name}(x)", {"x": x}) for x in numbers.tolist()]).tobytes()
+        == compiled.tobytes()
+    )
+
+
+def test_powers_in_values_have_the_bits_that_compiled_code_has():
+    a, b = np.random.default_rng(2).uniform([[0.0], [-9.0]], [[50.0], [9.0]], (2, 500))
+    compiled = np.array([as_compiled("pow", 2)(x, y) for x, y in zip(a.tolist(), b.tolist(), strict=True)])
+    assert expression.VALUES["**"](a, b).tobytes() == compiled.tobytes()
+    assert [expression.evaluate("10**3"), expression.evaluate("(-2)**3"), expression.evaluate("3**-1")] == [
+        1e3,
+        -8,
+        1 / 3,
+    ]
 
 
 MANY = 25

@@ -36,7 +36,7 @@ def mistakes(load, *arguments) -> list[CosimError]:
 
 
 def test_a_fleet_that_no_memory_holds_is_refused_where_it_is_named(write, monkeypatch):
-    """x has two numbers of 8 bytes a member, in five vectors (`layout.VECTORS`), in two arenas."""
+    """x has two numbers of 8 bytes a member, in three vectors (`layout.VECTORS`), in two arenas."""
     monkeypatch.setattr(sizes, "memory", lambda: 2**34)
     path = write(FLEET.format(size="1e9", value=1))
     (mistake,) = mistakes(run.load, path)
@@ -44,7 +44,7 @@ def test_a_fleet_that_no_memory_holds_is_refused_where_it_is_named(write, monkey
     line = path.read_text().splitlines()[mistake.position.line - 1]
     assert line.strip().startswith("lag:") and line[mistake.position.column - 1 :].startswith("robot")
     assert "there are 16 GiB" in mistake.message and "fleet `robot`" in mistake.fix
-    assert f"block lag: `x` (1000000000 × 2) alone takes {sizes.text(1e9 * 2 * 8 * 5 * 2)}" in mistake.message
+    assert f"block lag: `x` (1000000000 × 2) alone takes {sizes.text(1e9 * 2 * 8 * 3 * 2)}" in mistake.message
 
 
 def test_a_fleet_that_nothing_counts_is_refused_at_its_number(write):

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from functools import cache
 
 from cosim.compiling import emission
-from cosim.compiling.plain_math.definitions import FUNCTIONS, definition
 from cosim.machine import cache as kept
 from cosim.machine import object_code
+from cosim.plain_math.definitions import FUNCTIONS, definition
 
 
 @cache

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping, Sequence
 
 from cosim.compiling.frame import INSTANCES
-from cosim.compiling.plain_math import definitions
 from cosim.compiling.tiles.moving import declarations, gathered, rows, scattered
 from cosim.compiling.tiles.parts import LEAST, MEMBERS, TilePart
+from cosim.plain_math import definitions
 
 #: What numba makes of a function of one lane becomes this; a fault, which it must not have, is written nowhere.
 LANE = """

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import llvmlite.binding as llvm
 
 from cosim.compiling import emission
-from cosim.compiling.plain_math import definitions
 from cosim.compiling.tiles import kernel_ir
 from cosim.compiling.tiles.worthwhile import why_alone
 from cosim.machine import object_code
+from cosim.plain_math import definitions
 
 if TYPE_CHECKING:
     from cosim.compiling.adapters import KernelSource

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from cosim.compiling.plain_math import arctangent, circular, exponential, hyperbolic, logarithm, power
-from cosim.compiling.plain_math.traced import Lines, Traced
+from cosim.plain_math import arctangent, circular, exponential, hyperbolic, logarithm, power
+from cosim.plain_math.traced import Lines, Traced
 
 
 @dataclass(frozen=True)

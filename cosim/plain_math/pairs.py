@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.compiling.plain_math.operations import bits, real
+from cosim.plain_math.operations import bits, real
 
 Pair = tuple[Any, Any]
 #: ln(2): the first part times a whole number below 2^20 is exact.

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim.compiling.plain_math.traced import Traced
+from cosim.plain_math.traced import Traced
 
 SIGN = -1 << 63
 REST = (1 << 63) - 1

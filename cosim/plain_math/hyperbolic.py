@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.compiling.plain_math.exponential import excess
-from cosim.compiling.plain_math.operations import select, signed
-from cosim.compiling.plain_math.pairs import added, multiplied
+from cosim.plain_math.exponential import excess
+from cosim.plain_math.operations import select, signed
+from cosim.plain_math.pairs import added, multiplied
 
 
 def tanh(x: Any) -> Any:

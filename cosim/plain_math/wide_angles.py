@@ -9,8 +9,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from cosim.compiling.plain_math.operations import bits, pick, select, whole
-from cosim.compiling.plain_math.pairs import added, joined, multiplied
+from cosim.plain_math.operations import bits, pick, select, whole
+from cosim.plain_math.pairs import added, joined, multiplied
 
 #: 2/pi, to so many bits behind the point.
 TWO_OVER_PI_BITS = 1260

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.compiling.plain_math.operations import bits, polynomial, real, select
-from cosim.compiling.plain_math.pairs import LN2, joined
+from cosim.plain_math.operations import bits, polynomial, real, select
+from cosim.plain_math.pairs import LN2, joined
 
 _ONE = 1023 << 52
 _LEAST = 0x3FE6A09E667F3BCD  # the bits of sqrt(1/2)

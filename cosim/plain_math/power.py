@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.compiling.plain_math.exponential import exponential
-from cosim.compiling.plain_math.logarithm import octaves
-from cosim.compiling.plain_math.operations import SIGN, bits, polynomial, real, select
-from cosim.compiling.plain_math.pairs import Pair, joined, upper
+from cosim.plain_math.exponential import exponential
+from cosim.plain_math.logarithm import octaves
+from cosim.plain_math.operations import SIGN, bits, polynomial, real, select
+from cosim.plain_math.pairs import Pair, joined, upper
 
 #: ln(2): the first part times a whole number below 2^11 is exact.
 _LN2 = (0.693147180559890330, 5.497923018708371e-14)

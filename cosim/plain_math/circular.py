@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.compiling.plain_math.operations import ROUND, SIGN, bits, polynomial, real, select
-from cosim.compiling.plain_math.pairs import joined
-from cosim.compiling.plain_math.wide_angles import quarters
+from cosim.plain_math.operations import ROUND, SIGN, bits, polynomial, real, select
+from cosim.plain_math.pairs import joined
+from cosim.plain_math.wide_angles import quarters
 
 #: Below this, 2^19 pi/2, n has so few digits that its products with the first two parts of pi/2 are exact.
 _NEAR = 823549.0

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from cosim.compiling.plain_math.operations import ROUND, bits, polynomial, real, select
-from cosim.compiling.plain_math.pairs import LN2, Pair, joined, upper
+from cosim.plain_math.operations import ROUND, bits, polynomial, real, select
+from cosim.plain_math.pairs import LN2, Pair, joined, upper
 
 _PER_OCTAVE = 1.4426950408889634  # 1 / ln(2)
 _SERIES = (

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cosim.compiling.plain_math.operations import bits, polynomial, select, signed
-from cosim.compiling.plain_math.pairs import added, joined, multiplied
+from cosim.plain_math.operations import bits, polynomial, select, signed
+from cosim.plain_math.pairs import added, joined, multiplied
 
 _SERIES = (
     *(-3.33333333333329318027e-01, 1.99999999998764832476e-01, -1.42857142725034663711e-01, 1.11111104054623557880e-01),
