@@ -68,8 +68,8 @@ def test_nothing_is_evaluated_for_what_does_not_fit(write, monkeypatch):
     assert isinstance(mistakes(run.load, write(FLEET.format(size=100_000, value=1)))[0], TooLarge)
 
 
-@pytest.mark.parametrize(("value", "times"), [("'1+1'", 1), ("'i/N'", 1000)])
-def test_what_is_the_same_for_all_members_is_evaluated_once(write, monkeypatch, value, times):
+@pytest.mark.parametrize(("value", "times"), [("'1+1'", 1), ("'i/N'", 0), ("'min(i, 1000)/N'", 1000)])
+def test_what_is_the_same_for_all_members_is_evaluated_once_and_what_is_not_at_once(write, monkeypatch, value, times):
     texts = []
     real = expression.evaluate
 
