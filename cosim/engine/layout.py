@@ -141,10 +141,8 @@ class Layout(Allocation):
         continuous = [(c, v) for c in self.network.components.values() for v in c.declaration.continuous()]
         self.states = sum(c.count * c.nbytes(v) for c, v in continuous) // 8
         stages = _stages(self.network)
-        for name in VECTORS:
-            self.vectors[name] = self.allocate(8 * self.states)
-        for name in OF_STAGES:
-            self.vectors[name] = self.allocate(8 * self.states * (stages > 1))
+        for name in (*VECTORS, *OF_STAGES):
+            self.vectors[name] = self.allocate(8 * self.states * (stages > 1 or name in VECTORS))
         owners = {component.name for component, _ in continuous}
         self.memory = self.allocate(8 * tables.MEMORY_WORDS * max(1, len(owners)))
         self.slopes = stages if stages > 1 else 0

@@ -26,11 +26,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cosim.authoring.variables import CROSSINGS, Indicator, Input, Parameter
+from cosim.engine import refusals
 from cosim.engine.allocation import Place, copy_of
 from cosim.engine.layout import Layout
 from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
-from cosim.errors import FmuError
 from cosim.integrators import ScipyMethod
 from cosim.machine.memory import private
 from cosim.master import tables, unknowns
@@ -324,9 +324,9 @@ def _write_attempts(writer: Writer) -> Attempts:
     steep = any(c.couplings[port].order > 1 for c, port in several) and not stuck
     needed = run.method == "iterated" or (run.coupling_tolerance is not None and run.rollback) or layout.indicators
     early = any(c.declaration.early for c in network.components.values()) and not stuck and not network.rigid
-    _check_steps(network)
+    refusals.refuse_steps_of_one_size(network)
     if needed:
-        _check_rollback(network)
+        refusals.refuse_what_cannot_go_back(network)
     goes_back = bool(needed or steep or early)
     histories = layout.changing - layout.repeated
     saved, kept = (layout.allocate(layout.changing), layout.allocate(histories)) if goes_back else (0, 0)
@@ -356,40 +356,6 @@ def _write_attempts(writer: Writer) -> Attempts:
         eventful=bool(writer.phases["TIMES"][0] < writer.phases["TIMES"][1]),
         histories=(layout.constant(np.array(offsets, np.int64)), len(several), len(offsets)),
     )
-
-
-def _check_rollback(network: Network) -> None:
-    """Raises: FmuError for an FMU that cannot go back to a state."""
-    watched, stuck, run = network.watched, network.stuck, network.diagram.run
-    if not stuck:
-        return
-    events = f", and so does finding the events of {watched[0].name}" if watched else ""
-    message = f"block {stuck[0].name}: this FMU cannot go back to a state, which repeating a step needs{events}"
-    fix = "choose another run.method, or model exchange"
-    if run.coupling_tolerance:
-        fix = "write run.rollback: false, so that only the next step is shorter"
-    raise FmuError(message, stuck[0].entry.type.position, "use another FMU" if watched else fix)
-
-
-def _check_steps(network: Network) -> None:
-    """Raises: FmuError for an FMU that takes steps of one size only, where steps are of several."""
-    schedule, run = network.schedule, network.diagram.run
-    due = {c.name: (c.clock.period, c.clock.offset) for c in network.components.values() if c.clock}
-    off = [name for name, times in due.items() if any(schedule.ticks(time) % schedule.grid for time in times)]
-    why, fix = "", "use another FMU, or model exchange"
-    if network.watched:
-        why = f"{network.watched[0].name} has events, which end steps"
-    elif run.coupling_tolerance is not None:
-        why, fix = (
-            "run.coupling_tolerance chooses steps",
-            "remove run.coupling_tolerance, or use model exchange",
-        )
-    elif off:
-        why = f"{off[0]} is due between the multiples of run.step"
-        fix = "choose a run.step of which all periods and offsets are multiples, or use model exchange"
-    if network.rigid and why:
-        message = f"block {network.rigid[0].name}: this FMU takes steps of one size only, and {why}"
-        raise FmuError(message, network.rigid[0].entry.type.position, fix)
 
 
 def _write_events(writer: Writer) -> Watched:

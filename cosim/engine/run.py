@@ -230,13 +230,14 @@ class Run:
         """Look whether equal steps are stable, which is part of the setup; how long that takes (s)."""
         began, simulation = clock.perf_counter(), self.simulation
         if self._kernels and self.looks:
-            own = simulation.arena.nbytes > program.LARGE and simulation.can_begin_again
+            own = simulation.arena.nbytes > program.LARGE and simulation.kernels and not self.network.has_foreign
             arena = simulation.arena if own else copy_of(simulation.arena)
             try:
                 self.unstable = stability.warnings(self._program, self._kernels, arena, wanted)
             finally:
                 if own:
-                    simulation.begin_again(wanted)
+                    self._program.begin(simulation.arena)
+                    simulation.initialize(wanted)
         spent = clock.perf_counter() - began
         self.seconds["setup"] += spent
         return spent

@@ -125,16 +125,6 @@ class Simulation:
         self.execute("CALCULATE", "START", wanted)
         self._initialized = self.resting = True
 
-    @property
-    def can_begin_again(self) -> bool:
-        """Whether nobody notices: no foreign block, which is begun once in its life, and no author's plain Python."""
-        return self.kernels is not None and not self._foreign
-
-    def begin_again(self, wanted: Callable[[], bool] = supervision.never) -> None:
-        """As `initialize`, after somebody has used the arena. Raises: as `initialize`."""
-        self.program.begin(self.arena)
-        self.initialize(wanted)
-
     def execute(self, first: str, last: str, wanted: Callable[[], bool] = supervision.never) -> None:
         """Do phases that follow each other, once, at time zero. Raises: as `initialize`."""
         phases = self.program.phases
