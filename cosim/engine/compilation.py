@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cosim.authoring.declaration import BEGINNING
 from cosim.compiling import kernels
 from cosim.compiling.kernels import Kernels, Module, ModuleSources
 from cosim.compiling.tiles.parts import LEAST
@@ -48,6 +49,16 @@ def compile_program(program: Program) -> Kernels:
 def fitting(compiled: Kernels, program: Program) -> Kernels:
     """The kernels of a program with those of another one of the same blocks. Raises: as `compile_program`."""
     return replace(compiled, loop=kernels.module(loop_code.wanted(_is_plain(program))))
+
+
+def one_by_one(program: Program, compiled: Kernels) -> dict[str, str]:
+    """By function of a fleet that is called along a run, why not for eight members at a time; "" if it is."""
+    found = {}
+    for call in program.calls:
+        module, name = compiled.modules[call.component], call.function.name
+        if module and call.function.kind not in BEGINNING and any(s.lanes and s.symbol == name for s in module.sources):
+            found[f"{call.component}.{name}"] = module.load().text(f"{name}.alone") or ""
+    return found
 
 
 def _is_plain(program: Program) -> bool:

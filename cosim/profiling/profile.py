@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from cosim.authoring.declaration import BEGINNING
+from cosim.engine import compilation
 from cosim.engine.run import Run
 from cosim.engine.simulation import Simulation
 from cosim.machine.stopwatch import START
@@ -95,7 +95,8 @@ def profile(run: Run) -> Profile:
         Cost(*key, cost.count / steps or None, 1e6 * cost.seconds / steps, cost.seconds / whole)
         for key, cost in found.items()
     )
-    members = _members(plain)
+    assert plain.kernels
+    members = compilation.one_by_one(plain.program, plain.kernels)
     return Profile(
         steps=plain.steps,
         microseconds=1e6 * whole / steps,
@@ -134,18 +135,6 @@ def _timed(plain: Simulation) -> Costs:
         if one.count:
             before = found.get((name, function), Timed(0.0, 0))
             found[name, function] = Timed(before.seconds + one.seconds, before.count + one.count)
-    return found
-
-
-def _members(simulation: Simulation) -> dict[str, str]:
-    """By function of a fleet that is called along the run, why it is not done for eight members at a time, or ""."""
-    assert simulation.kernels
-    found = {}
-    for call in simulation.program.calls:
-        module = simulation.kernels.modules[call.component]
-        reason = module.load().text(f"{call.function.name}.alone") if module else None
-        if reason is not None and call.function.kind not in BEGINNING:
-            found[f"{call.component}.{call.function.name}"] = reason
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections.abc import Mapping
 
 from cosim.authoring.author_source import shown
 from cosim.authoring.block import Block
@@ -12,6 +13,7 @@ from cosim.authoring.variables import Dimension, Variable, shape_text
 from cosim.errors import Position
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
+from cosim.terminal.profile_display import print_fleets
 from cosim.terminal.screen import TIED, print_rows, print_warnings, print_wrapped, say
 from cosim.wiring import library, variable_words
 from cosim.wiring.network import Network
@@ -21,8 +23,11 @@ VERDICTS = {True: "holds", False: "FAILS", None: "open "}
 TEXT_COLUMN = 9
 
 
-def print_network(network: Network) -> None:
-    """The components in the order of their evaluation, their shapes and wires, and every condition with its numbers."""
+def print_network(network: Network, fleets: Mapping[str, str]) -> None:
+    """The components in the order of their evaluation, their shapes and wires, and every condition with its numbers.
+
+    fleets: by function of a fleet, why it is done for one member after the other; "" if it is not.
+    """
     overview = describe(network)
     run, title = overview.diagram.run, overview.diagram.title or overview.diagram.path.name
     valid = "valid as far as can be told without their code" if overview.unchecked else "valid"
@@ -51,6 +56,7 @@ def print_network(network: Network) -> None:
         by = f", by directional derivatives of {', '.join(ring.derived)}" if ring.derived else ""
         when = " at initialization" if ring.first else ""
         print_wrapped(f"an algebraic loop{when}, solved for {', '.join(ring.torn)}{by}: {', '.join(ring.tasks)}", 2)
+    print_fleets((name for name, why in fleets.items() if not why), {name: why for name, why in fleets.items() if why})
     _print_conditions(overview)
     if overview.requirements:
         say("\nrequirements, which a run judges:")

@@ -19,7 +19,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compile what a run needs, so that what it would refuse is refused; print blocks, wires, order, conditions."""
     network = load_network(options, code=not options.no_code)
+    fleets: dict[str, str] = {}
     if not options.no_code:
-        compilation.compile_program(program.build(network, network.diagram.run.method))
-    inspection.print_network(network)
+        built = program.build(network, network.diagram.run.method)
+        fleets = compilation.one_by_one(built, compilation.compile_program(built))
+    inspection.print_network(network, fleets)
     return 0
