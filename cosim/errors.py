@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
+from string import digits
 from typing import Any
 
 
@@ -325,9 +326,10 @@ def nearest(name: str, known: Iterable[str], lead: str = "did you mean") -> str:
     names = sorted(known)
     if len(name) > _LONGEST_NAME or len(names) > _MOST_NAMES:
         return ""
-    close = get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"{lead} `{close[0]}`?"
+    if close := get_close_matches(name, names, n=len(names) or 1, cutoff=0.5):
+        alike = [other for other in close if other.rstrip(digits) == close[0].rstrip(digits)]
+        likeness = [SequenceMatcher(None, other, name).ratio() for other in alike]
+        return f"{lead} `{min(other for other, like in zip(alike, likeness, strict=True) if like == likeness[0])}`?"
     return f"one of: {', '.join(names)}" if names else ""
 
 

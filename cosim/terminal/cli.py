@@ -112,7 +112,9 @@ def _parser(words: list[str]) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"cosim {cosim.__version__}")
-    parser.add_argument("--install-completion", action=Install, metavar="SHELL", help="let Tab complete what is typed")
+    asked = not {"-h", "--help"}.isdisjoint(words)
+    help_ = "let Tab complete what is typed"
+    parser.add_argument("--install-completion", action=Install, asked=asked, metavar="SHELL", help=help_)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     wanted = next((word for word in words if not word.startswith("-")), "")
     for name, text in COMMANDS.items():

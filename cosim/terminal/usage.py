@@ -13,13 +13,19 @@ KINDS = {"float": "number", "int": "whole number"}
 
 
 class Install(argparse.Action):
-    """The option that installs completion for a shell, that of $SHELL unless it is named, and ends the program."""
+    """The option that installs completion for a shell, that of $SHELL unless it is named, and ends the program.
 
-    def __init__(self, option_strings: list[str], dest: str, **more: Any) -> None:
+    asked: whether somebody asks for help, too, which is given instead.
+    """
+
+    def __init__(self, option_strings: list[str], dest: str, asked: bool, **more: Any) -> None:
         super().__init__(option_strings, argparse.SUPPRESS, nargs="?", **more)
+        self._asked = asked
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: Any, values: Any, option: str | None = None) -> None:
         """Raises: UsageError, SystemExit."""
+        if self._asked:
+            return
         from cosim.terminal import completion
 
         completion.install(values)

@@ -138,6 +138,13 @@ def test_scripts_stand_where_shells_look(tmp_path, monkeypatch, capsys, shell, f
     assert path.read_text() == "mine" and "not ours" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words_", [["--install-completion", "--help"], ["-h", "--install-completion", "bash"]])
+def test_who_asks_for_help_installs_nothing(tmp_path, capsys, words_):
+    assert cli.main(words_) == 0
+    assert "usage: cosim" in capsys.readouterr().out
+    assert not list((tmp_path / "home").rglob("*cosim*"))
+
+
 def test_shells_that_nobody_knows(monkeypatch, capsys):
     assert cli.main(["--install-completion", "tcsh"]) == 2
     assert "no completion for `tcsh`" in capsys.readouterr().err

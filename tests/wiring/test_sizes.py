@@ -11,7 +11,7 @@ from cosim import errors
 from cosim.engine import compilation, program, run
 from cosim.engine.probes import BUFFER_BYTES, Probes
 from cosim.engine.simulation import Simulation
-from cosim.errors import CosimError, DiagramErrors, ExpressionError, MissingFile, TooLarge, WrongUnit
+from cosim.errors import CosimError, DiagramErrors, ExpressionError, MissingFile, TooLarge, UnsolvedDimension, WrongUnit
 from cosim.language import diagram, embedding, expression, overlay, source, units
 from cosim.study import plan, study_file
 from cosim.study.draws import Draws
@@ -304,3 +304,20 @@ def test_no_nearest_name_is_looked_for_among_too_many():
     assert errors.nearest("blok1", many) == ""
     assert errors.nearest("x" * 10_000, many[:10]) == ""
     assert "block1" in errors.nearest("blok1", many[:10])
+
+
+def test_of_names_that_are_equally_near_the_first_is_meant():
+    assert errors.nearest("u", [f"u_{k}" for k in range(1, 7)]) == "did you mean `u_1`?"
+    assert errors.nearest("motr", ["motor", "motto", "rotor"]) == "did you mean `motor`?"
+
+
+@pytest.mark.parametrize(
+    ("signs", "kind", "said"),
+    [("+-", ExpressionError, "`+-` is neither a number nor"), ("-1", UnsolvedDimension, "determines the dimension")],
+)
+def test_a_text_that_is_no_number_is_no_size_that_is_missing(write, signs, kind, said):
+    text = "run: {stop: 1, step: 1}\nblocks:\n  a: {block: Step}\n"
+    block = f"  s: {{block: Sum, inputs: {{u_1: a.y, u_2: a.y}}, parameters: {{signs: '{signs}'}}}}\n"
+    (mistake,) = mistakes(run.load, write(text + block))
+    assert isinstance(mistake, kind) and said in mistake.message
+    assert mistake.position.line == 4
