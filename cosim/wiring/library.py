@@ -153,7 +153,8 @@ def _meant(pack: str, name: str) -> str:
     blocks = {block: _qualifiers(block, home[block]) for classes in known.values() for block in classes}
     inside = [block.__name__ for block, qualifiers in blocks.items() if not pack or pack in qualifiers]
     if inside:
-        return nearest(name, inside)
+        meant = nearest(name, inside)
+        return meant.replace("`", f"`{pack}:", 1) if pack else meant
     elsewhere = [f"{home[block]}:{name}" for block in known.get(name, [])]
     installed = f"no installed pack is called `{pack}`"
     return (

@@ -136,7 +136,7 @@ def test_a_qualified_name_says_which(packs, trajectories, capsys, name, k):
     ("name", "kind", "said", "fix"),
     [
         ("Servo", AmbiguousBlock, "both in acme_motors.servo and others.servo", "acme.motors:Servo or others:Servo"),
-        ("acme.motors:Srvo", UnknownBlock, "no block type `acme.motors:Srvo`", "did you mean `Servo`?"),
+        ("acme.motors:Srvo", UnknownBlock, "no block type `acme.motors:Srvo`", "did you mean `acme.motors:Servo`?"),
         ("acme.motor:Stepper", UnknownBlock, "no block type", "write acme.motors:Stepper"),
         ("acme.motor:X", UnknownBlock, "no block type", "did you mean `acme.motors`?"),
         ("mine.py:Mine", UnknownBlock, "no block type", "write `python: mine.py:Mine`"),
