@@ -1,6 +1,7 @@
 """The process of the command line: from its first instant to its last, a signal ends it without a traceback."""
 
 import gc
+import os
 import signal
 import sys
 
@@ -8,6 +9,8 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # until `main` listens
 if gc.isenabled():
     gc.set_threshold(100_000)  # what a start makes stays, and to look through it again and again takes a tenth of one
+# Threads of linear algebra turn in circles for a while before they wait for work: up to a quarter of a start.
+os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")
 
 from cosim.machine import interruption
 from cosim.terminal.cli import main

@@ -374,3 +374,19 @@ def test_inner_steps_are_told(cosim, write):
     with result_file.open_result(Path("results/diagram.nc")) as result:
         assert result.attrs["inner_steps"] == steps
         assert result.attrs["settings"]["tolerance"] == 1e-4
+
+
+@pytest.mark.parametrize(("given", "found"), [({}, "4"), ({"OPENBLAS_THREAD_TIMEOUT": "20"}, "20")])
+def test_threads_of_linear_algebra_wait_at_rest_unless_somebody_wants_it_otherwise(given, found):
+    """They read it when numpy is loaded, which the command line has to come before."""
+    code = "import os, cosim.__main__; print(os.environ['OPENBLAS_THREAD_TIMEOUT'])"
+    environment = {**{k: v for k, v in os.environ.items() if k != "OPENBLAS_THREAD_TIMEOUT"}, **given}
+    ran = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert ran.stdout.split() == [found]
+
+
+def test_nothing_loads_numpy_before_the_command_line_has_said_how_its_threads_wait():
+    code = "import sys, os; f = os.environ.setdefault; os.environ.__class__.setdefault = lambda s, *a: "
+    code += "print(*a, 'numpy' in sys.modules); import cosim.__main__"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "OPENBLAS_THREAD_TIMEOUT 4 False" in ran.stdout
