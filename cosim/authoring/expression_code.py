@@ -167,7 +167,7 @@ def _computed(applied: Applied, values: Collection[float]) -> float:
     except (ArithmeticError, ValueError) as error:
         said = f"has no value: {error}"
     else:
-        if isinstance(value, complex) or math.isnan(value):
+        if math.isnan(value):
             said = "is not a real number"
         elif math.isinf(value) and all(map(math.isfinite, values)):
             said = "is too large for a number"

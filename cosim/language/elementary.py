@@ -108,11 +108,17 @@ def plain(name: str) -> Callable[..., Any]:
     return function
 
 
+class NotRealError(ValueError):
+    """A power that is no real number, which another power may hide."""
+
+
 def power(a: Any, b: Any) -> Any:
-    """A power, of numbers or of arrays of them; NaN for an even root of a negative number."""
+    """A power, of numbers or of arrays of them. Raises: NotRealError, OverflowError."""
     from cosim.plain_math.evaluation import evaluated
 
     found = evaluated("pow", a, b)
+    if np.isnan(found).any():
+        raise NotRealError("a root of a negative number is not a real number")
     if np.isinf(found).any() and np.isfinite(a).all() and np.isfinite(b).all():
         raise OverflowError("the power is infinite")
     return found

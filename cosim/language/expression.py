@@ -63,13 +63,15 @@ def evaluate(text: str, names: Names | None = None, position: Position | None = 
     """
     try:
         value = _read(text)(names or {})
-        if isinstance(value, complex) or math.isnan(value):
-            what = f"`{shown(text)}` is not a real number"
-            raise ExpressionError(what, fix="take even roots of positive numbers only")
+        if math.isnan(value):
+            raise elementary.NotRealError
         if math.isinf(value) and "inf" not in text:
             raise ExpressionError(f"`{shown(text)}` is too large for a number", fix="at most 1.7e308, or `inf`")
     except ExpressionError as error:
         raise ExpressionError(error.message, position, error.fix) from None
+    except elementary.NotRealError:
+        fix = "take even roots of positive numbers only"
+        raise ExpressionError(f"`{shown(text)}` is not a real number", position, fix) from None
     except (ArithmeticError, TypeError, ValueError, RecursionError) as error:
         raise ExpressionError(f"`{shown(text)}` cannot be evaluated: {error}", position, "check its values") from None
     return float(value)

@@ -100,6 +100,8 @@ REFUSED = [
     ("1e400", "a number in `1e400` is too large", "at most 1.7e308"),
     ("2 + 0.3e-400", "is too small", "from 5e-324"),
     ("inf - inf", "not a real number", "even roots"),
+    ("((-1)**0.5)**0", "not a real number", "even roots"),
+    ("1**min(2, (-1)**0.5)", "not a real number", "even roots"),
     ("(-1)**0.5", "not a real number", "even roots"),
     ("True", "is not arithmetic", "numbers, + -"),
     ("'a'", "is not arithmetic", "numbers, + -"),
