@@ -35,7 +35,7 @@ from cosim.wiring import conditions
 from cosim.wiring.network import Component, Network, Signal
 
 IGNORED: dict[type, set[str]] = {
-    Program: {"network", "arena"}  # walked beside it; the arena is each member's own
+    Program: {"network", "image"}  # walked beside it; the arena is each member's own
     | {"layout"},  # where things lie, which frames in the arena say
     Network: {"swaps"},  # what `cosim check` says
     Diagram: {"title", "path", "files", "extended", "unread", "swaps"}  # names and words

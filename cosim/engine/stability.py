@@ -132,7 +132,7 @@ class _Look:
             return None
         if states.size <= MOST_STATES:
             return np.arange(states.size)
-        x, f = states.copy(), f.copy()
+        x, f = states.copy() if bank[tables.IN_PLACE] else self._vector(bank, "X"), f.copy()
         pieces = [slice(begin, begin + PIECE) for begin in range(0, x.size, PIECE)]
         for piece in pieces:
             states[piece] += CHANGE * _sizes(x[piece], f[piece], h) * _any_direction(piece.start, x[piece].size)

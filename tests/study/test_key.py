@@ -169,8 +169,8 @@ def test_values_and_the_arena_are_each_members_own(study):
     (one,) = plan.members(loaded, None)
     made = Variants(loaded).prepared(one)
     table, network = copy.copy(made.program), made.network
-    table.arena = table.arena.copy()
-    table.arena[-1] ^= 1
+    table.image = table.image.copy()
+    table.image[-1] ^= 1
     assert keys.key(made.shared, table, made.digests) != made.key
     component = network.components["swing"]
     found = {made.key}
