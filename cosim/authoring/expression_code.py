@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from cosim.errors import ExpressionError
+from cosim.language.elementary import NotRealError
 from cosim.language.expression import CONSTANTS, VALUES
 from cosim.language.expression_tree import Applied, Expression, Literal, Name, is_truth, named
 from cosim.language.misreadings import shown
@@ -164,6 +165,8 @@ def _computed(applied: Applied, values: Collection[float]) -> float:
     said = ""
     try:
         value = VALUES[applied.operation](*values)
+    except NotRealError:
+        said = "is not a real number"
     except (ArithmeticError, ValueError) as error:
         said = f"has no value: {error}"
     else:
