@@ -326,10 +326,9 @@ def nearest(name: str, known: Iterable[str], lead: str = "did you mean") -> str:
     names = sorted(known)
     if len(name) > _LONGEST_NAME or len(names) > _MOST_NAMES:
         return ""
-    if close := get_close_matches(name, names, n=len(names) or 1, cutoff=0.5):
-        alike = [other for other in close if other.rstrip(digits) == close[0].rstrip(digits)]
-        likeness = [SequenceMatcher(None, other, name).ratio() for other in alike]
-        return f"{lead} `{min(other for other, like in zip(alike, likeness, strict=True) if like == likeness[0])}`?"
+    for close in get_close_matches(name, names, n=1, cutoff=0.5):
+        numbered = [other for other in names if other.rstrip(digits) == close.rstrip(digits)]
+        return f"{lead} `{max(numbered, key=lambda other: SequenceMatcher(None, other, name).ratio())}`?"
     return f"one of: {', '.join(names)}" if names else ""
 
 

@@ -5,7 +5,6 @@ An input lies where its source does, or in memory of its own that a wire fills, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,14 +52,9 @@ class Allocation:
         self.first: list[tuple[int, np.ndarray]] = []
         self._work: dict[tuple[str, str], dict[str, tuple[int, int]]] = {}
 
-    def arena(self, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
-        """The arena as a run begins with it, in memory that `zeros` gives."""
-        arena = zeros(self.size)
-        self.write(arena)
-        return arena
-
     def write(self, arena: np.ndarray) -> None:
-        """Write what a run begins with into an arena of zeros."""
+        """Let an arena be as a run begins with it."""
+        arena[:] = 0
         for offset, data in self.first:
             arena[offset : offset + data.nbytes] = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
 
@@ -142,8 +136,8 @@ def remember(memory: Allocation, component: Component, port: str) -> None:
     memory.first.append((memory.histories[signal], made))
 
 
-def copy_of(arena: np.ndarray, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
-    """Another arena with the same content, in memory that `zeros` gives."""
-    new = zeros(arena.size)
+def copy_of(arena: np.ndarray) -> np.ndarray:
+    """Another arena with the same content."""
+    new = private(arena.size)
     new[:] = arena
     return new

@@ -27,7 +27,7 @@ import numpy as np
 
 from cosim.authoring.variables import CROSSINGS, Indicator, Input, Parameter
 from cosim.engine import refusals
-from cosim.engine.allocation import Place, copy_of
+from cosim.engine.allocation import Place
 from cosim.engine.layout import Layout
 from cosim.engine.methods import gauss_seidel, jacobi, joint
 from cosim.engine.writer import Call, Writer
@@ -46,7 +46,7 @@ METHODS = {
 }
 
 LARGE = 1 << 26
-"""Bytes of an arena of which there is one at a time, as it takes longer to keep another than to make it anew."""
+"""Bytes of an arena up to which that is kept with which runs begin, and what looks at a run does so in a copy."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Program:
     phases: the rows of each, by name. slopes: the rows of the derivatives of all states at what is published.
     started: the row after which a state is set that a start function computes. loops: algebraic loops, by the row that
     solves them. clocks: the offset of those of blocks. layout: where everything lies in the arena. image: the arena as
-    a run begins with it; None for a LARGE one that is as the layout says.
+    a run begins with it, if that is kept; else it is as the layout says.
     """
 
     network: Network
@@ -110,18 +110,23 @@ class Program:
 
     @property
     def arena(self) -> np.ndarray:
-        """The arena as a run begins with it, to read."""
-        return self.layout.arena() if self.image is None else self.image
+        """The arena as a run begins with it, kept from now on: who changes it changes all runs."""
+        if self.image is None:
+            self.image = self.begun()
+        return self.image
 
     def begun(self, zeros: Callable[[int], np.ndarray] = private) -> np.ndarray:
         """An arena of its own for a run, in memory that `zeros` gives."""
-        return self.layout.arena(zeros) if self.image is None else copy_of(self.image, zeros)
+        arena = zeros(self.layout.size)
+        self.begin(arena)
+        return arena
 
     def begin(self, arena: np.ndarray) -> None:
         """Let an arena be as a run begins with it."""
-        arena[:] = 0 if self.image is None else self.image
         if self.image is None:
             self.layout.write(arena)
+        else:
+            arena[:] = self.image
 
     @property
     def places(self) -> dict[Signal, Place]:
@@ -145,10 +150,13 @@ class Program:
 
     def name_of(self, bank: np.ndarray) -> str:
         """The block whose states a bank has; joint, if there are several."""
-        owners = [component for component in self.network.components.values() if component.declaration.continuous()]
-        begin, end = bank[tables.BEGIN], bank[tables.END]
-        names = [component.name for component in owners if begin <= self.layout.states_of(component).min() < end]
-        return names[0] if len(names) == 1 else "joint"
+        owners = self.owners(bank)
+        return owners[0].name if len(owners) == 1 else "joint"
+
+    def owners(self, bank: np.ndarray) -> list[Component]:
+        """The blocks whose states a bank has."""
+        several = [component for component in self.network.components.values() if component.declaration.continuous()]
+        return [c for c in several if bank[tables.BEGIN] <= self.layout.part(c)[0] < bank[tables.END]]
 
     def unsolved(self, row: int, arena: np.ndarray) -> tuple[float, int | None]:
         """The error with which the solver of an algebraic loop, by its row, gave up, and of which member of a fleet."""
@@ -232,10 +240,10 @@ def build(network: Network, method: str) -> Program:
     _write_updates(writer)
     METHODS[method](writer, network.evaluation)
     attempts, watched = _write_attempts(writer), _write_events(writer)
-    return Program(
+    made = Program(
         network=network,
         layout=layout,
-        image=layout.arena() if layout.size <= LARGE else None,
+        image=None,
         rows=np.array(writer.rows, np.int64).reshape(-1, tables.ROW_WORDS),
         banks=np.array(writer.banks, np.int64).reshape(-1, tables.BANK_WORDS),
         calls=writer.calls,
@@ -247,6 +255,9 @@ def build(network: Network, method: str) -> Program:
         attempts=attempts,
         watched=watched,
     )
+    if layout.size <= LARGE:
+        made.image = made.begun()
+    return made
 
 
 def _clock_words(schedule: Schedule, events: int) -> np.ndarray:

@@ -96,17 +96,20 @@ class _Look:
 
     def warning(self, bank: np.ndarray) -> CosimError | None:
         """What is to be said of a bank's steps, if anything."""
-        run = self.program.network.diagram.run
+        run, states = self.program.network.diagram.run, self._states(bank)
         h = run.step / int(bank[tables.INNER_STEPS])
-        kept = self._looked_at(bank, h)
-        if kept is None:
+        states[:] = self._vector(bank, "X")
+        x, f = states.copy(), self._derivative(bank).copy()
+        if not np.isfinite(f).all():
             return None
-        x, f = self._states(bank)[kept].copy(), self._derivative(bank)[kept].copy()
+        kept = np.arange(x.size) if x.size <= MOST_STATES else self._fastest(bank, self._gains(bank, x, f, h))
+        states[:] = x
+        x, f = x[kept], f[kept]
         scale = _sizes(x, f, h)
 
         def along(direction: np.ndarray, change: float) -> np.ndarray:
             """J times a direction, by a change; all over the states' sizes."""
-            self._states(bank)[kept] = x + change * scale * direction
+            states[kept] = x + change * scale * direction
             return np.asarray((self._derivative(bank)[kept] - f) / (change * scale))
 
         def component(direction: np.ndarray) -> Component:
@@ -123,42 +126,29 @@ class _Look:
                 return _warning(component(direction), method, h, value, run.step)
         return None
 
-    def _looked_at(self, bank: np.ndarray, h: float) -> np.ndarray | None:
-        """The numbers, in a bank, of states that are looked at; None where a derivative is no number."""
-        states = self._states(bank)
-        states[:] = self._vector(bank, "X")
-        f = self._derivative(bank)
-        if not np.isfinite(f).all():
-            return None
-        if states.size <= MOST_STATES:
-            return np.arange(states.size)
-        x, f = states.copy() if bank[tables.IN_PLACE] else self._vector(bank, "X"), f.copy()
-        pieces = [slice(begin, begin + PIECE) for begin in range(0, x.size, PIECE)]
+    def _gains(self, bank: np.ndarray, x: np.ndarray, f: np.ndarray, h: float) -> np.ndarray:
+        """By how much each derivative, f at x, changes with a change of all states; infinite where it is no number."""
+        states, pieces = self._states(bank), [slice(begin, begin + PIECE) for begin in range(0, x.size, PIECE)]
         for piece in pieces:
             states[piece] += CHANGE * _sizes(x[piece], f[piece], h) * _any_direction(piece.start, x[piece].size)
-        changed = self._derivative(bank)
+        gains = self._derivative(bank)
         for piece in pieces:
-            gains = np.abs(changed[piece] - f[piece]) / (CHANGE * _sizes(x[piece], f[piece], h))
-            f[piece] = np.where(np.isnan(gains), np.inf, gains)
-        states[:] = x
-        return self._fastest(bank, f)
+            gains[piece] = np.abs(gains[piece] - f[piece]) / (CHANGE * _sizes(x[piece], f[piece], h))
+        gains[np.isnan(gains)] = math.inf
+        return gains
 
     def _fastest(self, bank: np.ndarray, gains: np.ndarray) -> np.ndarray:
         """The numbers, in a bank, of states of those members of each fleet that have the largest of `gains`."""
-        begin, end = int(bank[tables.BEGIN]), int(bank[tables.END])
         fleets: dict[str | None, list[Component]] = {}
-        for component in self.program.network.components.values():
-            own = self.program.layout.states_of(component)
-            if own.size and begin <= own[0, 0] < end:
-                fleets.setdefault(component.fleet, []).append(component)
+        for component in self.program.owners(bank):
+            fleets.setdefault(component.fleet, []).append(component)
         found = []
         for components in fleets.values():
-            largest, size = np.zeros(components[0].count), 0
-            for component in components:
-                own = self.program.layout.states_of(component) - begin
-                largest, size = np.maximum(largest, gains[own].max(axis=1)), size + own.shape[1]
-            members = np.argsort(-largest, kind="stable")[: max(MOST_STATES // (len(fleets) * size), 1)]
-            found += [(self.program.layout.states_of(c)[members] - begin).reshape(-1) for c in components]
+            numbers = np.concatenate([self.program.layout.states_of(c) for c in components], axis=1)
+            numbers -= int(bank[tables.BEGIN])
+            room = MOST_STATES // (len(fleets) * numbers.shape[1])
+            members = np.argsort(-gains[numbers].max(axis=1), kind="stable")[: max(room, 1)]
+            found.append(numbers[members].reshape(-1))
         return np.sort(np.concatenate(found))
 
     def _owner(self, bank: np.ndarray, state: int) -> Component:

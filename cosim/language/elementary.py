@@ -90,38 +90,27 @@ PLAIN = ("sin", "cos", "exp", "log", "tanh", "atan2")
 """Those that cosim computes itself, besides powers."""
 
 
-def plain(name: str) -> Callable[..., Any]:
-    """A function of numbers, or of arrays of them. It raises ValueError or OverflowError where it has no value."""
-
-    def function(*numbers: Any) -> Any:
-        from cosim.plain_math.evaluation import evaluated
-
-        if name == "log" and len(numbers) == 2:
-            return function(numbers[0]) / function(numbers[1])
-        found = evaluated(name, *numbers)
-        if np.isnan(found).any() and not any(np.isnan(number).any() for number in numbers):
-            raise ValueError(f"{name} has no value there")
-        if np.isinf(found).any() and all(np.isfinite(number).all() for number in numbers):
-            raise OverflowError(f"{name} is infinite there")
-        return found
-
-    return function
-
-
 class NotRealError(ValueError):
     """A power that is no real number, which another power may hide."""
 
 
-def power(a: Any, b: Any) -> Any:
-    """A power, of numbers or of arrays of them. Raises: NotRealError, OverflowError."""
-    from cosim.plain_math.evaluation import evaluated
+def plain(name: str, said: str = "", none: type[ValueError] = ValueError) -> Callable[..., Any]:
+    """A function of numbers, or of arrays of them. It raises `none` or OverflowError where it has no value.
 
-    found = evaluated("pow", a, b)
-    if np.isnan(found).any():
-        raise NotRealError("a root of a negative number is not a real number")
-    if np.isinf(found).any() and np.isfinite(a).all() and np.isfinite(b).all():
-        raise OverflowError("the power is infinite")
-    return found
+    said: what it is called where it raises, if not by its name.
+    """
+
+    def function(*numbers: Any) -> Any:
+        from cosim.plain_math.evaluation import evaluated
+
+        found = evaluated(name, *numbers)
+        if np.isnan(found).any() and not any(np.isnan(number).any() for number in numbers):
+            raise none(f"{said or name} has no value there")
+        if np.isinf(found).any() and all(np.isfinite(number).all() for number in numbers):
+            raise OverflowError(f"{said or name} is infinite there")
+        return found
+
+    return function
 
 
 def root(a: Any) -> Any:

@@ -43,7 +43,7 @@ OPERATIONS: dict[str, Callable[..., float]] = {
 VALUES: dict[str, Callable[..., Any]] = {
     **OPERATIONS,
     **{name: elementary.plain(name) for name in elementary.PLAIN},
-    "**": elementary.power,
+    "**": elementary.plain("pow", "the power", elementary.NotRealError),
     "sqrt": elementary.root,
 }
 """What each operation makes of numbers: the same bits as in blocks, and on every system. Some of them take arrays."""

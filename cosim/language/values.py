@@ -53,6 +53,11 @@ class Value:
             raise WrongValue(f"{name}: `.nan` is no value to calculate with", node.position, "give a number")
         return cls(node.value, (), node.position)
 
+    @property
+    def is_arithmetic(self) -> bool:
+        """Whether it is no text, or one that is an expression, perhaps in the number of a fleet's member."""
+        return not isinstance(self.content, str) or expression.is_arithmetic(self.content)
+
     def member(self, k: int) -> Value:
         """The k-th row (from 0)."""
         row: Any = self.content[k]
@@ -85,8 +90,7 @@ class Value:
         """The same (count, *self.shape)."""
         if isinstance(self.content, list):
             parts = [part._of_members(dtype, count) for part in self.content]  # noqa: SLF001  # of this class
-            known = [part for part in parts if part is not None]
-            return np.stack(known, axis=1) if known and len(known) == len(parts) else None
+            return None if any(part is None for part in parts) else np.stack(parts, axis=1)
         if isinstance(self.content, np.ndarray):
             return None
         if not isinstance(self.content, str):
@@ -123,7 +127,7 @@ class Value:
             return replace(self, content=[part.with_items(items) for part in self.content])
         if isinstance(self.content, str) and self.content in items:
             return replace(self, content=items[self.content])
-        if isinstance(self.content, str) and not expression.is_arithmetic(self.content):
+        if not self.is_arithmetic:
             message = f"`{self.content}` is none of the items {', '.join(f'`{name}`' for name in items)}"
             raise WrongValue(message, self.position, nearest(self.content, items))
         return self

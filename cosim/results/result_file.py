@@ -89,11 +89,6 @@ def requirements_in(attrs: Mapping[str, Any], formulas: Mapping[str, str] | None
     return {name: judged for name, judged in found.items() if judged["formula"] == formulas.get(name)}
 
 
-HEAD_BYTES = 1 << 13
-FIRST_NAMES = (b"\0status\0", b"\0diagram\0", b"\0engine\0", b"\0inner_steps\0", b"\0settings\0")
-"""Of the attributes of a result as it is written here: where they are, the rest need not be looked at."""
-
-
 def refuse_foreign(path: Path) -> None:
     """Raises: ResultError where something stands that is no result."""
     files.refuse_foreign(path, "a result of a run", is_result)
@@ -101,16 +96,13 @@ def refuse_foreign(path: Path) -> None:
 
 def is_result(path: Path) -> bool:
     """Whether a file is a result; looks at its head only."""
-    with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-    if not head.startswith(HDF5_SIGNATURE):
-        return False
-    if all(name in head for name in FIRST_NAMES):
-        return True
-    if not can_be_read(path):
-        return False
     import h5py
 
+    with path.open("rb") as file:
+        if file.read(len(HDF5_SIGNATURE)) != HDF5_SIGNATURE:
+            return False
+    if not can_be_read(path):
+        return False
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _is_result(file)

@@ -56,7 +56,7 @@ def print_network(network: Network, fleets: Mapping[str, str]) -> None:
         by = f", by directional derivatives of {', '.join(ring.derived)}" if ring.derived else ""
         when = " at initialization" if ring.first else ""
         print_wrapped(f"an algebraic loop{when}, solved for {', '.join(ring.torn)}{by}: {', '.join(ring.tasks)}", 2)
-    print_fleets((name for name, why in fleets.items() if not why), {name: why for name, why in fleets.items() if why})
+    print_fleets(fleets)
     _print_conditions(overview)
     if overview.requirements:
         say("\nrequirements, which a run judges:")

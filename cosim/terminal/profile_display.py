@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ def show(profile: Profile) -> None:
     figures_table(["spent on", "µs a step", "share", "calls a step"], rows)
     print()
     print_wrapped(profile.measured, 0)
-    print_fleets(profile.vectors, profile.alone)
+    print_fleets({**dict.fromkeys(profile.vectors, ""), **profile.alone})
     start = ", ".join(f"{part} {seconds:.3g} s" for part, seconds in profile.start.items())
     print_wrapped(f"start: {start}", 2)
     made = [f"{module.name} {module.seconds:.3g} s" for module in profile.compiled if not module.cached]
@@ -31,13 +31,12 @@ def show(profile: Profile) -> None:
         print_wrapped(f"compiled before, from the cache: {', '.join(found)}", 2)
 
 
-def print_fleets(vectors: Iterable[str], alone: Mapping[str, str]) -> None:
-    """Print which functions of fleets are done for eight members at a time, and why others are not."""
-    if names := ", ".join(vectors):
-        print_wrapped(f"for eight members of a fleet at a time: {names}", 2)
-    for reason in dict.fromkeys(alone.values()):
-        others = ", ".join(name for name, why in alone.items() if why == reason)
-        print_wrapped(f"for one member after the other, as {reason}: {others}", 2)
+def print_fleets(functions: Mapping[str, str]) -> None:
+    """Print which functions of fleets are done for eight members at a time, and why others, by name, are not."""
+    reasons = dict.fromkeys(sorted(functions.values(), key=bool))  # the empty one first
+    for reason in reasons:
+        how = f"one member after the other, as {reason}" if reason else "eight members of a fleet at a time"
+        print_wrapped(f"for {how}: {', '.join(name for name, why in functions.items() if why == reason)}", 2)
 
 
 def _groups(profile: Profile) -> list[list[Cost]]:

@@ -70,12 +70,12 @@ def _told_apart(component: Component, rule: Rule) -> list[tuple[int, int]]:
     """Members whose values a rule can tell apart: the first of each such kind, rising, and how many are of it."""
     values = [component.values[name] for name in rule.arguments if name in component.values]
     own = [value for value in values if len(value) > 1]
-    if not own or component.count == 1:
+    if not own:
         return [(0, component.count)]
     if any(value.dtype.hasobject for value in own):
         return [(member, 1) for member in range(component.count)]
     flat = [np.ascontiguousarray(value).reshape(component.count, -1).view(np.uint8) for value in own]
-    rows = np.ascontiguousarray(np.concatenate(flat, axis=1))
+    rows = np.concatenate(flat, axis=1)
     _, firsts, counts = np.unique(rows.view(f"V{rows.shape[1]}"), return_index=True, return_counts=True)
     return sorted(zip(firsts.tolist(), counts.tolist(), strict=True))
 

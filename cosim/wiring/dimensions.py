@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from cosim.authoring.variables import OpenDimension, Variable
-from cosim.errors import ExpressionError, FleetMismatch, Problems, UnsolvedDimension, WrongShape
-from cosim.language import expression
+from cosim.errors import FleetMismatch, Problems, UnsolvedDimension, WrongShape
 from cosim.language.source import Node
 from cosim.language.values import Value
 from cosim.wiring import widths
@@ -243,20 +242,12 @@ def report_unsolved(components: dict[str, Component], values: Values, problems: 
             filled = _filled(component, name, values)
             if filled:
                 variable, value = filled
-                if isinstance(value.content, str) and not (variable.dtype.hasobject or problems.attempt(_read, value)):
+                if not (variable.dtype.hasobject or value.is_arithmetic):
+                    problems.attempt(value.array, (), variable.dtype, {})
                     continue
                 one = f"{'[' * len(variable.shape)}{value.content}{']' * len(variable.shape)}"
                 fix = f"write `{variable.name}: {one}` where it is one number, or {fix}"
             problems.add(UnsolvedDimension(message, filled[1].position if filled else component.entry.position, fix))
-
-
-def _read(value: Value) -> bool:
-    """True of an expression. Raises: ExpressionError where a text is none."""
-    try:
-        expression.check(value.content, expression.OF_A_FLEET)
-    except ExpressionError as error:
-        raise ExpressionError(error.message, value.position, error.fix) from None
-    return True
 
 
 def _filled(component: Component, dimension: str, values: Values) -> tuple[Variable, Value] | None:

@@ -15,7 +15,7 @@ from cosim.wiring.draft import Draft
 from cosim.wiring.network import Component
 
 MANY = 16
-"""Members of a fleet whose values are computed at once."""
+"""Members of a fleet from which on all values are computed at once, which is slower for a few."""
 
 
 def take(draft: Draft, component: Component) -> None:

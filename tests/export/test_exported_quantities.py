@@ -14,7 +14,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from cosim.engine import run
+from cosim.engine import program, run
 from cosim.errors import NotExportable
 from cosim.export.exporter import export_fmu
 from tests.fmu.fmu_host import Host
@@ -140,9 +140,13 @@ def test_a_parameter_beyond_its_limits_is_refused(fmus, version, name, value, sa
     host.free()
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_start_values_keep_the_limits(network, tmp_path, caplog, version):
-    """A wire brings 7 where the input takes 5 at most; a start function makes of it what the state does not take."""
+@pytest.mark.parametrize(("version", "large"), [*((version, program.LARGE) for version in VERSIONS), ("3.0", 0)])
+def test_start_values_keep_the_limits(network, tmp_path, caplog, monkeypatch, version, large):
+    """A wire brings 7 where the input takes 5 at most; a start function makes of it what the state does not take.
+
+    Also of a program that keeps no arena until somebody asks for it.
+    """
+    monkeypatch.setattr(program, "LARGE", large)
     with caplog.at_level(logging.WARNING, "cosim"):
         path = export_fmu(network, ["arm"], tmp_path / "arm.fmu", version)
     assert "inputs that begin in the diagram as no number or beyond a limit" in caplog.text and "`arm.u`" in caplog.text

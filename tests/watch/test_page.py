@@ -17,6 +17,11 @@ def shows(page, metric: str, value: float) -> None:
     until(lambda: figure(page, metric) == float(f"{value:.4g}"), f"{metric} = {value:.4g}")
 
 
+def says(page, place: str, text: str) -> None:
+    """Wait until a part of the page has a text: parts are drawn one after the other."""
+    until(lambda: text in page.locator(place).inner_text(), f"`{text}` in {place}")
+
+
 def at(time: float, T: float) -> float:
     """The lag's answer to a step: x = 1 - exp(-t / T)."""
     return 1.0 - math.exp(-time / T)
@@ -34,7 +39,7 @@ def test_edit_break_mend(lag, see):
         row = page.locator("#metrics tr", has_text="last")
         change = 100 * (at(4, 2) / at(4, 0.5) - 1)
         until(lambda: f"{change:.1f} %" in row.inner_text())
-        assert "kept → violated" in page.locator("#requirements").inner_text()
+        says(page, "#requirements", "kept → violated")
 
         broken = LAG.replace("T: 0.5", "T: 0.5, S: 1")
         (lag / "lag.yaml").write_text(broken)
@@ -76,9 +81,10 @@ def test_sliders_change_the_run_and_not_the_file(lag, see):
         assert box.input_value() == "1"
         shows(page, "at_T", at(0.5, 1))
         shows(other, "at_T", at(0.5, 1))
-        assert "--set blocks.lag.parameters.T=1.0" in page.locator("#kept").inner_text()
-        assert "parameters: {T: 1.0}" in page.locator("#kept").inner_text()
-        assert float(other.locator("[data-path='blocks.lag.parameters.T'] input[type=number]").input_value()) == 1
+        says(page, "#kept", "--set blocks.lag.parameters.T=1.0")
+        says(page, "#kept", "parameters: {T: 1.0}")
+        theirs = other.locator("[data-path='blocks.lag.parameters.T'] input[type=number]")
+        until(lambda: float(theirs.input_value()) == 1)
         box.fill("4")
         box.press("Enter")
         shows(page, "last", at(4, 4))
@@ -88,7 +94,7 @@ def test_sliders_change_the_run_and_not_the_file(lag, see):
         box.fill("-1")
         box.press("Enter")
         page.wait_for_selector("#mistakes .mistake")
-        assert "--set blocks.lag.parameters.T=-1.0" in page.locator("#mistakes").inner_text()
+        says(page, "#mistakes", "--set blocks.lag.parameters.T=-1.0")
 
 
 def test_a_block_that_is_clicked_shows_its_ports_and_values(lag, see):

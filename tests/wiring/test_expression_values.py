@@ -15,9 +15,10 @@ from cosim.compiling.interpreted.functions import interpreted
 from cosim.compiling.interpreted.libm import as_compiled
 from cosim.engine import run
 from cosim.errors import ExpressionError, Position
-from cosim.language import expression
+from cosim.language import elementary, expression
 from cosim.language.entry import BlockEntry
 from cosim.language.source import Node
+from cosim.plain_math.definitions import FUNCTIONS
 from cosim.wiring import expression_blocks
 from tests.wiring.random_expressions import NAMES, text, trees, value
 
@@ -140,3 +141,7 @@ def test_both_engines_give_the_same_bits(tmp_path, trajectories, many):
     for name, expected in zip(names, wanted, strict=True):
         assert native[name].tobytes() == python[name].tobytes(), outputs[name[2:]]
         np.testing.assert_array_equal(native[name][0], expected, err_msg=outputs[name[2:]])
+
+
+def test_every_function_that_is_plain_in_code_is_so_in_values():
+    assert {*elementary.PLAIN, "pow"} == FUNCTIONS.keys()
